@@ -1,0 +1,68 @@
+# Builds, checks and runs homing_node on a machine without ROS: Linux on x86-64 with
+# python3 >= 3.10 (with venv), g++ and make. Everything is installed into .venv.
+
+PYTHON ?= python3
+VENV := .venv
+PIP := $(VENV)/bin/python -m pip install --quiet --quiet --disable-pip-version-check
+
+CORE := states events motions procedures parameters signals profile machine axis
+CORE_FILES := $(wildcard $(CORE:%=homing_node/%.py))
+
+# A ROS installation that happens to be sourced must not leak into .venv.
+unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON
+# Processes that are started here neither hear nor disturb ROS nodes of other machines.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+
+.PHONY: help venv demo lint test clean
+.DELETE_ON_ERROR:
+
+help:
+	@echo 'make venv    install everything into $(VENV) (the first time: two minutes)'
+	@echo 'make demo    home simulated axes and show what happens'
+	@echo 'make test    lint, then run all tests'
+	@echo 'make lint    ruff, and mypy --strict on the core'
+	@echo 'make clean   remove $(VENV) and everything generated'
+	@echo 'PYTHON=python3.12 make venv   use another interpreter'
+
+demo: venv
+	@$(VENV)/bin/python scripts/demo.py
+
+lint: venv
+	$(VENV)/bin/ruff check .
+	$(if $(CORE_FILES),$(VENV)/bin/mypy $(CORE_FILES))
+
+test: lint
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest
+
+clean:
+	rm -rf $(VENV) build install log *.egg-info
+	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The environment, in four steps; each is repeated only when its inputs changed.
+venv: $(VENV)/.package
+
+$(VENV)/.created:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
+	  || { echo 'homing_node needs Python 3.10 or newer, as $(PYTHON)' >&2; exit 1; }
+	@command -v $${CXX:-c++} >/dev/null \
+	  || { echo 'homing_node needs a C++ compiler: apt install g++' >&2; exit 1; }
+	@echo '[1/4] creating $(VENV)'
+	@$(PYTHON) -m venv --clear $(VENV)
+	@touch $@
+
+$(VENV)/.requirements: $(VENV)/.created requirements.txt requirements-dev.txt
+	@echo '[2/4] installing ROS 2 and the other requirements'
+	@$(PIP) --requirement requirements-dev.txt
+	@touch $@
+
+$(VENV)/.interfaces: $(VENV)/.requirements $(shell find interfaces -type f)
+	@echo '[3/4] building homing_interfaces (about a minute)'
+	@$(PIP) --no-deps --force-reinstall ./interfaces/homing_interfaces
+	@touch $@
+
+# Editable: the sources are used where they are, and launch/ and config/ too.
+$(VENV)/.package: $(VENV)/.interfaces setup.py setup.cfg pyproject.toml
+	@echo '[4/4] installing homing_node'
+	@$(PIP) --no-deps --editable .
+	@touch $@
