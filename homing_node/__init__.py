@@ -1,0 +1,1 @@
+"""Homes machine axes."""

@@ -1,0 +1,28 @@
+"""What can happen to an axis while it homes: the vocabulary of the arrows in the tables.
+
+An edge counts for a row only if the axis traveled the row's way at the edge's own time, and an
+edge going away only if it lies no further toward than the same switch's last edge going toward
+(machine.py holds both rules, once, for every table).
+"""
+
+from .states import Word
+
+
+class Event(Word):
+    """An arrow's label."""
+
+    HS_RISES = 'home switch rises'
+    HS_FALLS = 'home switch falls'
+    HS_ON = 'home switch on'
+    LS_RISES = 'target limit rises'
+    LS_FALLS = 'target limit falls'
+    LS_ON = 'target limit on'
+    LIMIT_AHEAD = 'limit ahead'
+    Z_PULSE = 'Z-pulse'
+    TOUCH_PROBE = 'touch probe'
+    END_DETECTED = 'mechanical end'
+    DONE = 'done'
+
+
+#: Events that are conditions, tested when a row is entered, in this order (first match wins).
+CONDITIONS: tuple[Event, ...] = (Event.LIMIT_AHEAD, Event.LS_ON, Event.HS_ON)

@@ -1,0 +1,72 @@
+"""What an axis can be told to do in a row of a table: a closed vocabulary.
+
+Ways are relative to the homing direction: *toward* along it, *away* against it.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from .states import Error, Word
+
+
+class Way(IntEnum):
+    """Along the homing direction, against it, or neither; the value is the sign."""
+
+    TOWARD = 1
+    NONE = 0
+    AWAY = -1
+
+
+class Kind(Word):
+    """How a motion ends."""
+
+    SEARCH = 'search'  # at constant speed until an event
+    FURTHER = 'further'  # on by the homing reverse distance, counted from the row's cause
+    REST = 'rest'  # a stop
+    HOME = 'home'  # to the home position plus the home shift distance
+
+
+class Pace(Word):
+    """Which profile parameters a motion uses; the value is their common prefix."""
+
+    FAST = 'homing_velocity_fast'
+    SLOW = 'homing_velocity_slow'
+    SHIFT = 'home_shift'
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One verb of the tables."""
+
+    kind: Kind
+    way: Way
+    pace: Pace
+    text: str
+
+
+TOWARD_FAST = Motion(Kind.SEARCH, Way.TOWARD, Pace.FAST, 'toward, fast')
+TOWARD_SLOW = Motion(Kind.SEARCH, Way.TOWARD, Pace.SLOW, 'toward, slow')
+AWAY_FAST = Motion(Kind.SEARCH, Way.AWAY, Pace.FAST, 'away, fast')
+AWAY_SLOW = Motion(Kind.SEARCH, Way.AWAY, Pace.SLOW, 'away, slow')
+FURTHER_AWAY = Motion(Kind.FURTHER, Way.AWAY, Pace.FAST, 'away, homing reverse distance')
+COME_TO_REST = Motion(Kind.REST, Way.NONE, Pace.SHIFT, 'come to rest')
+TO_HOME_POSITION = Motion(Kind.HOME, Way.NONE, Pace.SHIFT, 'to the home position + home shift')
+
+
+class Bound(Word):
+    """What bounds the distance of a search; the value is the parameter's name."""
+
+    SEARCH = 'max_search_distance'
+    LS_REVERSE = 'max_ls_reverse_distance'
+    HS_ON_AT_START = 'max_hs_on_at_start_reverse_distance'
+
+    @property
+    def error(self) -> Error:
+        return _BOUND_ERRORS[self]
+
+
+_BOUND_ERRORS = {
+    Bound.SEARCH: Error.SearchDistanceExceeded,
+    Bound.LS_REVERSE: Error.MaxLSRevDistanceTraveled,
+    Bound.HS_ON_AT_START: Error.MaxHSOnAtStartRevDistanceTraveled,
+}
