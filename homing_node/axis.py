@@ -1,0 +1,391 @@
+"""One axis: signals + machine + profile. No clock, no thread, no I/O: time is passed in.
+
+Feed it (:meth:`Axis.feedback`, :meth:`Axis.switch`, :meth:`Axis.latch`), ask it
+(:meth:`Axis.home`, :meth:`Axis.cancel`) and update it once a cycle: :meth:`Axis.update` returns
+the setpoint while a run is on. Raw positions outside, the *toward* frame inside: the sign of the
+homing direction is applied here, once. SI units; times in s of one monotonic clock.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from .limits import Action
+from .machine import Machine
+from .motions import Way
+from .parameters import AxisParameters, switch_inputs
+from .profile import Profile
+from .signals import Edge, Switch, Track
+from .states import LIMIT_SWITCHES, Error, HomeType, Input, State
+
+#: Longest wait for the feedback to settle after the command has come to rest, s.
+SETTLE_TIMEOUT = 0.5
+#: The feedback has settled once it moved less than slow velocity x SETTLE_TRAVEL in SETTLE_TIME.
+SETTLE_TIME = 0.01
+SETTLE_TRAVEL = 1e-4
+
+
+class Setpoint(NamedTuple):
+    """What the axis shall do in this cycle, raw: m, m/s, m/s^2."""
+
+    position: float
+    velocity: float
+    acceleration: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended (or why a request was refused), and where home is, raw, m."""
+
+    error: Error
+    message: str = ''
+    home_position_raw: float = 0.0
+    home_offset: float = 0.0
+    uncertainty: float = 0.0
+
+    @property
+    def success(self) -> bool:
+        return self.error is Error.NoError
+
+
+class Axis:
+    """One axis that can be homed.
+
+    ``machine`` is the run while one is on, ``outcome`` how the last one ended, ``homed`` whether
+    the axis knows its home, ``servo_on`` the servo that we want.
+    """
+
+    def __init__(self, name: str, parameters: AxisParameters, period: float) -> None:
+        self.name = name
+        self.period = period
+        self.machine: Machine | None = None
+        self.outcome = Outcome(Error.NoError)
+        self.homed = False
+        self.servo_on = True
+        self.servo_enabled: bool | None = None
+        self.emergency_stop = False
+        self.arrival = -1e300  # of the newest feedback
+        self._track = Track()
+        self._commands = Track()
+        self._switches: dict[Input, Switch] = {}
+        self._waiting: list[Edge] = []  # edges that the machine has not taken yet
+        self._unresolved: list[Edge] = []  # taken, but their position is still extrapolated
+        self._rest: tuple[float, float] | None = None  # last command and the feedback there, raw
+        self._settling_since: float | None = None
+        self._moved = False
+        self._sign = 1.0
+        self.parameters = parameters
+        self.configure(parameters)
+
+    def configure(self, parameters: AxisParameters) -> None:
+        """Take new parameters; only while no run is on."""
+        self.parameters = parameters
+        sign = parameters.home_direction.sign
+        if sign != self._sign:
+            self._track.mirror()
+            self._sign = sign
+        old = self._switches
+        self._switches = {}
+        for switch in switch_inputs(parameters.inputs):
+            inverted = parameters.inverted(switch)
+            known = old.get(switch)
+            if known is None or known.inverted != inverted:
+                known = Switch(switch, inverted)
+            known.debounce = parameters.switch_debounce
+            self._switches[switch] = known
+        self.profile = Profile(self.period, parameters.max_jerk)
+
+    # ------------------------------------------------------------------------------------- inputs
+
+    def feedback(self, time: float, position: float, arrival: float | None = None) -> None:
+        """Take a feedback sample: its sampling time, raw position, and when it arrived."""
+        if self._track.append(time, self._sign * position):
+            self.arrival = time if arrival is None else arrival
+
+    def switch(
+        self, switch: Input, time: float, signal: bool, arrival: float | None = None
+    ) -> None:
+        """Take a level as it is on the wire, and its time; an input not wired is ignored."""
+        known = self._switches.get(switch)
+        if known is None:
+            return
+        edge = known.set(
+            time - self.parameters.switch_latency, signal, time if arrival is None else arrival)
+        if edge is not None:
+            self._take(edge)
+
+    def latch(self, source: Input, position: float) -> None:
+        """Take a latched raw position of the Z-pulse or the touch probe."""
+        if self.machine is not None and source in self.parameters.inputs:
+            self.machine.latch(source, self._sign * position)
+
+    def enable(self, enabled: bool) -> None:
+        """Take the drive's own servo state."""
+        self.servo_enabled = enabled
+        if not enabled and Input.SERVO_ENABLED in self.parameters.inputs:
+            if self.parameters.clear_home_done_on_servo_off:
+                self.homed = False
+            self._fail(Error.ServoOff, 'the drive switched its servo off', Action(None))
+
+    # ----------------------------------------------------------------------------------- requests
+
+    @property
+    def running(self) -> bool:
+        return self.machine is not None
+
+    @property
+    def unknown_inputs(self) -> tuple[Input, ...]:
+        """Wired inputs that carry a level, but none was seen yet."""
+        unknown = [switch for switch, s in self._switches.items() if s.level is None]
+        if Input.SERVO_ENABLED in self.parameters.inputs and self.servo_enabled is None:
+            unknown.append(Input.SERVO_ENABLED)
+        return tuple(unknown)
+
+    def refusal(self, now: float) -> Outcome | None:
+        """Return why a run cannot start now, None where it can."""
+        p = self.parameters
+        if self.machine is not None:
+            return self._refused(Error.Busy, f'homing is in progress ({self.machine.state})')
+        if self.emergency_stop:
+            return self._refused(Error.EmergencyStop, 'the emergency stop is on')
+        if not self.servo_on:
+            return self._refused(
+                Error.ServoOff, 'the servo was switched off; switch it on by the servo service')
+        faults = p.cross_check()
+        if faults:
+            return self._refused(Error.InvalidParameter, '; '.join(faults))
+        if self.arrival < -1e200:
+            return self._refused(
+                Error.FeedbackStale, f'no feedback yet for joint {p.joint or self.name!r}')
+        age = now - self.arrival
+        if age > p.feedback_timeout:
+            return self._refused(
+                Error.FeedbackStale,
+                f'the feedback is {age:.3f} s old, more than {p.feedback_timeout:g} s '
+                '(feedback_timeout)')
+        if self.unknown_inputs:
+            names = ', '.join(self.unknown_inputs)
+            return self._refused(Error.SwitchUnknown, f'no message yet from {names}')
+        if Input.SERVO_ENABLED in p.inputs and not self.servo_enabled:
+            return self._refused(Error.ServoOff, 'the drive reports its servo off')
+        stale = self._stale_switch(now)
+        if stale is not None:
+            return self._refused(Error.SwitchStale, stale)
+        return None
+
+    def home(self, now: float) -> Outcome | None:
+        """Start a run; return why it cannot start, None where it has."""
+        refusal = self.refusal(now)
+        if refusal is not None:
+            return refusal
+        p = self.parameters
+        feedback = self._track.position
+        self.profile.reset(self._start_command())
+        self.homed = False
+        self.outcome = Outcome(Error.NoError)
+        self._waiting.clear()
+        self._unresolved.clear()
+        self._commands = Track()
+        self._moved = False
+        self._settling_since = None
+        self.machine = Machine(p, self.profile, self._switches, now, feedback)
+        self.machine.begin()
+        return None
+
+    def cancel(self) -> None:
+        """Stop the run, if one is on, with the active profile."""
+        if self.machine is not None:
+            self.machine.cancel()
+
+    def resume(self) -> None:
+        """Leave the pause of ``pause_mode``."""
+        if self.machine is not None:
+            self.machine.resume()
+
+    def stop(self, error: Error, message: str) -> None:
+        """End the run, if one is on, with a fault: a stop with ls_dec."""
+        self._fail(error, message)
+
+    def set_emergency_stop(self, active: bool) -> None:
+        """Take the emergency stop: true ends a run and refuses requests; false moves nothing."""
+        self.emergency_stop = active
+        if active:
+            self._fail(Error.EmergencyStop, 'emergency stop')
+
+    def set_servo(self, on: bool) -> None:
+        """Set the servo that we want; off ends a run without a further setpoint."""
+        self.servo_on = on
+        if not on:
+            if self.parameters.clear_home_done_on_servo_off:
+                self.homed = False
+            self._fail(Error.ServoOff, 'the servo was switched off', Action(None, True))
+
+    # --------------------------------------------------------------------------------- each cycle
+
+    def update(self, now: float) -> Setpoint | None:
+        """Advance by one period; return the setpoint while a run is on and the axis moves."""
+        for switch in self._switches.values():
+            if switch.unsettled:
+                edge = switch.poll(now)
+                if edge is not None:
+                    self._take(edge)
+        machine = self.machine
+        if machine is None:
+            if self.homed and self.parameters.clear_home_done_on_comm_stop:
+                self.homed = now - self.arrival <= self.parameters.feedback_timeout
+            return None
+        self._test_inputs(now)
+        if self._unresolved:
+            track = self._edge_track
+            self._unresolved = [e for e in self._unresolved if not e.locate(track)]
+        if self._waiting:
+            self._hand_over(machine)
+        machine.update(now, self._track.position)
+        if machine.finished:
+            return self._finish(now)
+        profile = self.profile
+        if profile.done and not self._moved:
+            return None
+        self._moved = True
+        profile.update()
+        return self._setpoint(now)
+
+    @property
+    def state(self) -> State:
+        return State.Idle if self.machine is None else self.machine.state
+
+    @property
+    def error(self) -> Error:
+        """Why the axis is stopping, or how its last run ended."""
+        return self.outcome.error if self.machine is None else self.machine.error
+
+    @property
+    def message(self) -> str:
+        """What to say of the error."""
+        return self.outcome.message if self.machine is None else self.machine.message
+
+    @property
+    def hold_position(self) -> float:
+        """The raw command that keeps the axis where it rests."""
+        return self._sign * self._start_command()
+
+    @property
+    def paused(self) -> bool:
+        return self.machine is not None and self.machine.paused
+
+    @property
+    def position(self) -> float:
+        """The newest feedback: in homed coordinates once homed, else raw."""
+        raw = self._sign * self._track.position
+        return raw - self.outcome.home_offset if self.homed else raw
+
+    @property
+    def raw_position(self) -> float:
+        return self._sign * self._track.position
+
+    # ------------------------------------------------------------------------------------- inside
+
+    @property
+    def _edge_track(self) -> Track:
+        return self._commands if self.parameters.open_loop_homing else self._track
+
+    def _take(self, edge: Edge) -> None:
+        """Queue an edge by its time, a limit before another switch; act on a limit at once."""
+        machine = self.machine
+        if machine is None:
+            return
+        if edge.input in LIMIT_SWITCHES:
+            if edge.rises:
+                machine.limit_rises(edge.input)
+            else:
+                machine.limit_falls(edge.input)
+        self._waiting.append(edge)
+        self._waiting.sort(key=lambda waiting: waiting.order)
+
+    def _hand_over(self, machine: Machine) -> None:
+        """Give the machine the edges whose way of travel is known, in order."""
+        track = self._edge_track
+        while self._waiting:
+            edge = self._waiting[0]
+            located = edge.locate(track)
+            edge.way = machine.way_at(min(edge.time, track.time), track)
+            if not located:
+                # While the axis plainly goes toward, an edge need not wait for the feedback.
+                if not edge.way == machine.row.motion.way == Way.TOWARD:
+                    return
+                self._unresolved.append(edge)
+            del self._waiting[0]
+            machine.edge(edge)
+
+    def _test_inputs(self, now: float) -> None:
+        """End the run where an input is too old."""
+        p = self.parameters
+        age = now - self.arrival
+        if age > p.feedback_timeout:
+            self.homed = False
+            self._fail(Error.FeedbackStale, f'the feedback is {age:.3f} s old, more than '
+                                            f'{p.feedback_timeout:g} s (feedback_timeout)')
+        elif p.switch_timeout:
+            stale = self._stale_switch(now)
+            if stale is not None:
+                self._fail(Error.SwitchStale, stale)
+
+    def _stale_switch(self, now: float) -> str | None:
+        limit = self.parameters.switch_timeout
+        for switch in self._switches.values():
+            if limit and now - switch.seen > limit:
+                return (f'{switch.input.text} is {now - switch.seen:.3f} s old, more than '
+                        f'{limit:g} s (switch_timeout)')
+        return None
+
+    def _start_command(self) -> float:
+        """Return where the command begins: the feedback, or our last command where it rests."""
+        feedback = self._track.position
+        p = self.parameters
+        if self._rest is not None and p.home_type is not HomeType.CurrentPos:
+            command, rest = self._rest
+            if abs(self._sign * feedback - rest) <= p.homing_velocity_slow * self.period:
+                return self._sign * command
+        return feedback
+
+    def _setpoint(self, now: float) -> Setpoint:
+        profile, sign = self.profile, self._sign
+        if self.parameters.open_loop_homing:
+            self._commands.append(now + self.period, profile.position)
+        return Setpoint(sign * profile.position, sign * profile.velocity,
+                        sign * profile.acceleration)
+
+    def _finish(self, now: float) -> Setpoint | None:
+        """End the run; a home waits until the feedback has settled."""
+        machine, p = self.machine, self.parameters
+        assert machine is not None
+        if not machine.stopping:
+            if self._settling_since is None:
+                self._settling_since = now
+            since = now - self._settling_since
+            travel = SETTLE_TRAVEL * p.homing_velocity_slow
+            settled = since >= SETTLE_TIME and self._track.spread(now - SETTLE_TIME) <= travel
+            if self._moved and not settled and since < SETTLE_TIMEOUT:
+                return self._setpoint(now)
+        self.outcome = self._outcome(machine)
+        self.homed = self.outcome.success
+        self.machine = None
+        self._rest = (self._sign * self.profile.position, self.raw_position)
+        if machine.servo_off:
+            self.servo_on = False
+            self._rest = None
+        return self._setpoint(now) if self._moved and not machine.silent else None
+
+    def _outcome(self, machine: Machine) -> Outcome:
+        if machine.error is not Error.NoError or machine.reference is None:
+            return Outcome(machine.error, f'axis {self.name}: {machine.message}')
+        p, mark = self.parameters, machine.reference
+        raw = self._sign * mark.position
+        offset = raw + self._sign * p.home_shift_distance - p.home_position
+        return Outcome(Error.NoError, '', raw, offset, mark.uncertainty)
+
+    def _refused(self, error: Error, text: str) -> Outcome:
+        return Outcome(error, f'axis {self.name}: {text}')
+
+    def _fail(self, error: Error, text: str, action: Action | None = None) -> None:
+        if self.machine is not None:
+            self.machine.fail(error, text, action)

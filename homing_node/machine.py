@@ -1,0 +1,477 @@
+"""Walks one axis through one procedure: rows, rules that hold in every row, pause, cancel.
+
+The machine reads the tables of procedures.py and commands a profile. It knows no time but what it
+is told, and no sign: all positions are in the *toward* frame, m or rad.
+
+Sources: WMX3 manual, "Limit Switches During Homing"; doc/homing.md for what is decided here.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from .events import CONDITIONS, Event
+from .latches import Latches
+from .limits import Action, Limit, limits_of
+from .motions import Kind, Way
+from .parameters import AxisParameters
+from .procedures import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, SECOND_HS_SEARCH, Row, Step
+from .profile import Pace, Profile
+from .signals import Edge, Mark, Switch, Track
+from .states import LIMIT_PAIRS, Error, Input, Role, State
+from .travel import Fault, Leg, Rules
+
+
+class Turnoff(NamedTuple):
+    """A row that an edge ended, as it was, should an edge of an earlier time still arrive."""
+
+    step: Step
+    edge: Edge
+    cause: Mark
+    reversed: bool
+    first_pass: Mark | None
+
+
+class Machine:
+    """One run: where it stands, why it ended, and where the reference was.
+
+    ``step`` is the present row, ``error`` and ``message`` the verdict (NoError while all is well),
+    ``finished`` tells that the command is at rest and nothing more will come, ``reference`` the
+    home position once found, ``arrows`` every transition taken so far.
+    """
+
+    def __init__(
+        self,
+        parameters: AxisParameters,
+        profile: Profile,
+        switches: Mapping[Input, Switch],
+        now: float,
+        feedback: float,
+    ) -> None:
+        self.parameters = parameters
+        self.procedure = parameters.procedure
+        self.profile = profile
+        self.now = now
+        self.feedback = feedback
+        self.step: Step = self.procedure.first
+        self.row: Row = self.procedure.rows[self.step]
+        self.error = Error.NoError
+        self.message = ''
+        self.finished = False
+        self.paused = False
+        self.silent = False  # no further setpoint: the servo is off
+        self.servo_off = False  # a ServoOff action asks for it at the end
+        self.reference: Mark | None = None
+        self.arrows: list[tuple[Step, Event]] = []
+
+        self._switches = switches
+        self._limits = limits_of(parameters)
+        target = self.procedure.target
+        self._target = parameters.limit_switch(target, Way.TOWARD) if target else None
+        self._paces = {row.motion.pace: Pace(*parameters.pace(row.motion.pace))
+                       for row in self.procedure.rows.values()}
+        self._rules = Rules(parameters, now)
+
+        self._cause = Mark(feedback)
+        self._found = self._cause
+        self._leg = Leg(Way.NONE, feedback, profile.position, now)
+        self._turnoff: Turnoff | None = None
+        self._further = False  # the homing reverse distance has a target
+        self._reversed = False  # the one reversal is used up
+        self._first_pass: Mark | None = None
+        self._second_pass = False
+        self._last_toward: dict[tuple[Input, bool], Edge] = {}
+        self._limit_rises: dict[Input, Edge] = {}
+        self._left_behind: dict[Input, float] = {}
+        self._latches = Latches(parameters)
+        self._end_since = math.inf
+        self._paused_at = now
+        self._stop_deceleration = 0.0
+
+    @property
+    def state(self) -> State:
+        """The published home state."""
+        return State.Cancel if self.error is Error.Canceled else self.step.state
+
+    @property
+    def stopping(self) -> bool:
+        return self.error is not Error.NoError
+
+    @property
+    def traveled(self) -> tuple[float, float]:
+        """Distance from the turning point, and what bounds it, m."""
+        return abs(self.feedback - self._leg.feedback), self._rules.distance
+
+    def way_at(self, time: float, track: Track) -> Way:
+        """Return how the axis traveled at a time that the track covers."""
+        return self._leg.way_at(time, track)
+
+    # --------------------------------------------------------------------------- what happens
+
+    def begin(self) -> None:
+        """Enter the first row; what the start position changes is decided before any motion."""
+        if len(self.procedure.events) > 1:  # CurrentPos asks no limit
+            for pair in LIMIT_PAIRS.values():
+                if all(self._on(switch) for switch in pair):
+                    self._fail_both_on(pair)
+                    return
+        self._enter(self.procedure.first, Mark(self.feedback))
+
+    def edge(self, edge: Edge) -> None:
+        """Take an edge whose way of travel is known.
+
+        Where an edge of another switch with a later time has already ended the row that would
+        have taken this one, that is undone: the earlier edge decides, however late it arrives.
+        """
+        if edge.way > 0:
+            self._last_toward[edge.input, edge.rises] = edge
+        limit = self._limits.get(edge.input)
+        if limit and edge.rises and edge.way * limit.way > 0:
+            self._limit_rises[edge.input] = edge
+        if self.stopping:
+            return
+        rises, falls, on = self._events_of(edge.input)
+        event, left = rises if edge.rises else falls, self._turnoff
+        if left and event and edge.order < left.edge.order:
+            row = self.procedure.rows[left.step]
+            if event in row.on and self._counts(edge, row):
+                self.step, self.row, self._cause = left.step, row, left.cause
+                self._reversed, self._first_pass = left.reversed, left.first_pass
+        if event and event in self.row.on and self._counts(edge, self.row):
+            self._advance(event, edge)
+        elif edge.rises and on and on in self.row.on and self._on(edge.input):
+            self._advance(on, edge)
+
+    def limit_rises(self, switch: Input) -> None:
+        """Take a limit switch's rising edge at once, before its position is known.
+
+        The reversal and the reference are left to :meth:`edge`; all else is decided here.
+        """
+        limit = self._limits.get(switch)
+        if limit is None:
+            return
+        pair = LIMIT_PAIRS[limit.tier]
+        if all(self._on(one) for one in pair):
+            self._fail_both_on(pair)
+            return
+        if limit.role is Role.IGNORED or self._taken_by_table(limit):
+            return
+        velocity, action = self.profile.velocity, limit.action
+        ahead, into = limit.way is Way.TOWARD, velocity * limit.way > 0.0
+        acts = into or (
+            limit.role is Role.NORMAL and velocity != 0.0 and self.parameters.all_ls_during_homing)
+        if self.stopping:
+            if action and acts:
+                self._act(action)
+        elif not ahead and velocity > 0.0:
+            if not self._bounces_behind(switch):
+                self._fail(Fault(
+                    Error.LSTriggered, f'the {limit.name} rose while the axis moved toward',
+                    'are the limit inputs swapped, or is home_direction wrong?'), action)
+        elif ahead and into and self._braking:
+            another = getattr(self._cause, 'input', None) is not switch
+            if another and action and action.deceleration is not None:
+                self.profile.brake_harder(action.deceleration)
+        elif (acts or self._heads(limit.way)) and (action or self.row.motion.kind is Kind.HOME):
+            again = ' for the second time in this run' if self._reversed and ahead else ''
+            self._fail(Fault(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
+
+    def limit_falls(self, switch: Input) -> None:
+        """Remember where a limit was left, so that its bounce is not taken for a hit."""
+        self._left_behind[switch] = self.feedback
+
+    def latch(self, source: Input, position: float) -> None:
+        """Take a latched position of the Z-pulse or the touch probe."""
+        self._latches.add(source, position)
+
+    def fail(self, error: Error, message: str, action: Action | None = None) -> None:
+        """End the run with an error: a stop with ls_dec unless an action says otherwise.
+
+        The first error stays; a stronger stop that comes later takes over.
+        """
+        if not self.stopping:
+            self.error, self.message = error, message
+            self._end_pause()
+        self._act(action or Action(self.parameters.ls_dec))
+
+    def cancel(self) -> None:
+        """Stop with the active profile."""
+        if not self.stopping:
+            self.message = f'canceled in {self.state}'
+            self.error = Error.Canceled
+            self._end_pause()
+            self._stop_deceleration = self.profile.pace.deceleration
+            self.profile.stop()
+
+    def resume(self) -> None:
+        """Leave the pause of ``pause_mode``."""
+        if self.paused:
+            self._end_pause()
+            self._start_motion(resumed=True)
+
+    # ------------------------------------------------------------------------------- each cycle
+
+    def update(self, now: float, feedback: float) -> None:
+        """Test the rules and bounds; called once a cycle, before the profile's update."""
+        self.now, self.feedback = now, feedback
+        if self.finished or self.paused:
+            return
+        if self.stopping:
+            self.finished = self.profile.done or self.silent
+            return
+        if self._leg.update(feedback, self.profile.position):
+            self._latches.forget()
+        fault = self._rules.broken(self._leg, self.profile.position, feedback, now)
+        if fault is not None:
+            self._fail(fault)
+            return
+        while (event := self._happened()) and not self.paused:
+            self._advance(event, self._found)
+            if self.finished or self.stopping:
+                return
+
+    def _happened(self) -> Event | None:
+        """Return the event that the present motion itself has brought about, if any."""
+        kind = self.row.motion.kind
+        if kind is Kind.SEARCH:
+            return self._end_detected() if Event.END_DETECTED in self.row.on else self._latched()
+        if kind is Kind.FURTHER:
+            done = self._went_further()
+        else:
+            done = self.profile.done and (kind is Kind.HOME or self._cause.resolved)
+        self._found = Mark(self.feedback)
+        return Event.DONE if done else None
+
+    # ------------------------------------------------------------------------------ transitions
+
+    def _advance(self, event: Event, cause: Mark) -> None:
+        """Follow an arrow."""
+        self.arrows.append((self.step, event))
+        self._turnoff = Turnoff(
+            self.step, cause, self._cause, self._reversed, self._first_pass,
+        ) if isinstance(cause, Edge) else None
+        step = self.row.on[event]
+        if event is Event.LIMIT_AHEAD:
+            if self._reversed:
+                self._fail(Fault(
+                    Error.LSTriggered, 'a limit ahead was hit for the second time in this run',
+                    'is the home switch between the limits, and does it hold its level?'))
+                return
+            self._reversed, self._first_pass = True, None
+        if event in (Event.LIMIT_AHEAD, Event.LS_RISES) and self.parameters.immediate_stop_at_ls:
+            self.profile.freeze()
+        if step is HOMED:
+            self.finished = True
+            return
+        if step is HOME_SHIFT:
+            self._second_pass = self.step is SECOND_HS_SEARCH
+        elif step is HOME_SHIFT_MOVE and self._not_repeated():
+            return
+        elif event is Event.HS_RISES:
+            self._first_pass = cause
+        self._enter(step, cause)
+
+    def _enter(self, step: Step, cause: Mark) -> None:
+        """Enter a row and, where a condition of it holds, the next; then start the motion."""
+        self.step, self.row, self._cause = step, self.procedure.rows[step], cause
+        self._further = False
+        if step is HOME_SHIFT:
+            self.reference = cause
+        for condition in CONDITIONS:
+            if condition in self.row.on and self._holds(condition):
+                self._advance(condition, Mark(self.feedback))
+                return
+        self._start_motion()
+
+    def _start_motion(self, resumed: bool = False) -> None:
+        """Command the present row's motion, or pause before it where it turns the axis."""
+        if self.paused:
+            return
+        motion, profile = self.row.motion, self.profile
+        pace = self._paces[motion.pace]
+        way, target = motion.way, profile.position
+        if motion.kind is Kind.HOME and self.reference is not None:
+            target = self.reference.position + self.parameters.home_shift_distance
+            way = Way(int(target > profile.position) - int(target < profile.position))
+        turns = way is not Way.NONE and way != self._leg.way
+        if turns and self._leg.way and self.parameters.pause_mode and not resumed:
+            self.paused, self._paused_at = True, self.now
+            profile.stop()
+            return
+        if turns:
+            self._leg = Leg(way, self.feedback, profile.position, self.now, self._leg.way)
+            self._latches.forget()
+        if self._blocked(way):
+            return
+        self._rules.enter(self.row)
+        self._end_since = math.inf
+        if motion.kind is Kind.REST:
+            profile.stop()
+        elif motion.kind is Kind.HOME:
+            profile.move(target, pace)
+        elif motion.kind is Kind.SEARCH:
+            profile.seek(way * pace.velocity, pace)
+
+    # ------------------------------------------------------------------------ what a motion found
+
+    def _went_further(self) -> bool:
+        """Go on by the homing reverse distance; at once done where stopping takes longer."""
+        if not self._cause.resolved:
+            return False
+        if self._further:
+            return self.profile.done
+        target = self._cause.position - self.parameters.homing_reverse_distance
+        pace = self._paces[self.row.motion.pace]
+        if self.profile.stopping_position(pace.deceleration) <= target:
+            return True
+        self._further = True
+        self.profile.move(target, pace)
+        return False
+
+    def _latched(self) -> Event | None:
+        """Return the event of a latch beyond the row's edge, else beyond the turning point."""
+        cause = self._cause
+        if not cause.resolved:
+            return None
+        origin = cause.position if isinstance(cause, Edge) else self._leg.feedback
+        found = self._latches.found(self.row.on, origin, self.row.motion.way, self.feedback)
+        if isinstance(found, Fault):
+            self._fail(found)
+        elif found is not None:
+            event, self._found = found
+            return event
+        return None
+
+    def _end_detected(self) -> Event | None:
+        """Return the event once the feedback has stayed behind for long enough."""
+        p = self.parameters
+        if self.profile.position - self.feedback <= p.mechanical_end_detection_pos_diff:
+            self._end_since = math.inf
+            return None
+        self._end_since = min(self._end_since, self.now)
+        if self.now - self._end_since < p.mechanical_end_detection_time:
+            return None
+        self._found = Mark(self.feedback)
+        return Event.END_DETECTED
+
+    def _not_repeated(self) -> bool:
+        """Fail where the second pass disagrees with the first."""
+        first, second, tolerance = self._first_pass, self.reference, self.parameters.edge_agreement
+        if not (self._second_pass and first and second):
+            return False
+        apart = abs(second.position - first.position)
+        if apart <= tolerance:
+            return False
+        self._fail(Fault(
+            Error.EdgeNotRepeated,
+            f'the second pass found the home switch {apart:.6g} m from the first, more than '
+            f'{tolerance:.6g} m (edge_tolerance)', 'noise on the switch, or late messages?'))
+        return True
+
+    # ------------------------------------------------------------------------------- the switches
+
+    def _on(self, switch: Input) -> bool:
+        found = self._switches.get(switch)
+        return found is not None and found.level is True
+
+    def _events_of(self, switch: Input) -> tuple[Event | None, Event | None, Event | None]:
+        """Return the events of a switch: it rises, it falls, it is on though no rise counted."""
+        if switch is Input.HOME_SWITCH:
+            return Event.HS_RISES, Event.HS_FALLS, Event.HS_ON
+        if switch is self._target:
+            return Event.LS_RISES, Event.LS_FALLS, Event.LS_ON
+        limit = self._limits.get(switch)
+        if limit and limit.role is Role.REVERSAL:
+            return Event.LIMIT_AHEAD, None, Event.LIMIT_AHEAD
+        return None, None, None
+
+    def _counts(self, edge: Edge, row: Row) -> bool:
+        """Tell whether an edge was seen traveling the row's way, at the end of the flag it means.
+
+        Going away it must lie no further toward than the same end of the flag did going toward
+        (where it had the opposite sense); going toward, a fall right behind its rise is a bounce.
+        """
+        if edge.way * row.motion.way <= 0:
+            return False
+        twin = self._last_toward.get((edge.input, not edge.rises))
+        agreement = self.parameters.edge_agreement
+        if twin is None:
+            return True
+        if row.motion.way is Way.TOWARD:
+            return edge.rises or edge.position > twin.position + agreement
+        return edge.position <= twin.position + agreement
+
+    def _holds(self, condition: Event) -> bool:
+        if condition is Event.HS_ON:
+            return self._on(Input.HOME_SWITCH)
+        if condition is Event.LS_ON:
+            return self._target is not None and self._on(self._target)
+        return any(limit.role is Role.REVERSAL and self._reached(limit)
+                   for limit in self._limits.values())
+
+    def _reached(self, limit: Limit) -> bool:
+        """Tell whether the axis is on a limit, or beyond where it rose (a momentary one)."""
+        rise = self._limit_rises.get(limit.input)
+        return self._on(limit.input) or (
+            rise is not None and (self.feedback - rise.position) * limit.way > 0.0)
+
+    def _taken_by_table(self, limit: Limit) -> bool:
+        """Tell whether a limit's rise is an arrow of the present row."""
+        if limit.input is self._target:
+            return Event.LS_RISES in self.row.on
+        return (limit.role is Role.REVERSAL and Event.LIMIT_AHEAD in self.row.on
+                and not self._reversed)
+
+    @property
+    def _braking(self) -> bool:
+        """Whether the axis brakes: to turn, to pause, or because the reference was taken."""
+        motion = self.row.motion
+        return self.paused or motion.kind is Kind.REST or motion.way is Way.AWAY
+
+    def _heads(self, way: Way) -> bool:
+        """Tell whether the present motion goes a way, or is about to."""
+        return (self._leg.way is way and not self.paused
+                and self.row.motion.kind is not Kind.REST)
+
+    def _bounces_behind(self, switch: Input) -> bool:
+        left = self._left_behind.get(switch, -math.inf)
+        return abs(self.feedback - left) <= self.parameters.edge_agreement
+
+    def _blocked(self, way: Way) -> bool:
+        """Fail where a motion would go into a limit that is on."""
+        home = self.row.motion.kind is Kind.HOME
+        for limit in self._limits.values():
+            normal = limit.role is Role.NORMAL and limit.action is not None
+            if (limit.way is way and limit.role is not Role.IGNORED and (normal or home)
+                    and self._reached(limit)):
+                self._fail(Fault(
+                    Error.LSTriggered, f'the {limit.name} is on; a motion into it is not started',
+                ), limit.action)
+                return True
+        return False
+
+    # ------------------------------------------------------------------------------------ endings
+
+    def _act(self, action: Action) -> None:
+        """Stop as an action says; a harder stop that is under way stays."""
+        self.servo_off = self.servo_off or action.servo_off
+        if action.deceleration is None:
+            self.profile.freeze()
+            self.silent = True
+        elif action.deceleration > self._stop_deceleration:
+            self._stop_deceleration = action.deceleration
+            self.profile.stop(action.deceleration)
+
+    def _end_pause(self) -> None:
+        if self.paused:
+            self.paused = False
+            self._rules.deadline += self.now - self._paused_at
+
+    def _fail_both_on(self, pair: tuple[Input, Input]) -> None:
+        self._fail(Fault(
+            Error.LimitsBothOn, f'{pair[0].text} and {pair[1].text} are on together',
+            'wiring, or polarity (invert_..._ls_polarity)?'))
+
+    def _fail(self, fault: Fault, action: Action | None = None) -> None:
+        hint = f'; {fault.hint}' if fault.hint else ''
+        self.fail(fault.error, f'{fault.seen} in {self.state}{hint}', action)
