@@ -1,0 +1,447 @@
+"""The plant: simulated axes with switches, an encoder index and a touch probe.
+
+Pure Python without a clock: time is passed in as steps. Positions are raw positions in m (linear
+axis) or rad (rotary axis), times in s. Within a step the feedback is the straight line between
+its two ends, and whatever it crosses happens at the time at which that line crosses it.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import exp, floor, inf, isfinite, isnan
+from operator import itemgetter
+from typing import NamedTuple, TypeGuard
+
+from .states import LIMIT_PAIRS, LIMIT_SWITCHES, Input
+
+#: The inputs that are levels, in the order in which happenings at one position are reported.
+SWITCHES: tuple[str, ...] = tuple(i.value for i in (Input.HOME_SWITCH, *LIMIT_SWITCHES))
+
+
+@dataclass(frozen=True)
+class SwitchLayout:
+    """Where a switch's flag is.
+
+    The switch turns on when the axis enters [on_from, on_to] and off when it has left it by more
+    than `hysteresis`; all three in m or rad. `inverted`: normally closed, the raw (electrical)
+    level is false while the switch is on.
+    """
+
+    on_from: float
+    on_to: float
+    hysteresis: float = 0.0
+    inverted: bool = False
+
+
+@dataclass(frozen=True)
+class AxisLayout:
+    """Where things are on an axis, in raw positions, m or rad.
+
+    `hard_stops` is the lower and the upper end. `switches` has the fitted switches by input name
+    (`SWITCHES`). Index pulses are at `index_offset` + k · `index_pitch` for all whole k; a pitch
+    of 0 means that there is no index. `touch_probe` is the position of the touch plate. `lag` is
+    the first-order time constant between command and feedback in s. `start` is the first position.
+    """
+
+    hard_stops: tuple[float, float]
+    switches: Mapping[str, SwitchLayout]
+    index_pitch: float = 0.0
+    index_offset: float = 0.0
+    touch_probe: float | None = None
+    lag: float = 0.0
+    start: float = 0.0
+
+
+class Happening(NamedTuple):
+    """A switch changed, or a latch captured a position.
+
+    `value` is the new raw (electrical) level of a switch, or the raw position that the drive
+    latched (`z_pulse`, `touch_probe`), m or rad. `position` is the true position there, `time`
+    the exact time inside the step, s.
+    """
+
+    time: float
+    input: str
+    value: bool | float
+    position: float
+
+
+NOTHING: tuple[Happening, ...] = ()
+
+
+class _Switch:
+    """The state of one switch, and the positions at which it can change."""
+
+    __slots__ = ('inverted', 'leave_high', 'leave_low', 'name', 'on', 'on_from', 'on_to')
+
+    def __init__(self, name: str, layout: SwitchLayout, position: float) -> None:
+        self.name = name
+        self.inverted = layout.inverted
+        self.on_from, self.on_to = layout.on_from, layout.on_to
+        self.leave_low = layout.on_from - layout.hysteresis
+        self.leave_high = layout.on_to + layout.hysteresis
+        self.on = layout.on_from <= position <= layout.on_to
+
+    @property
+    def level(self) -> bool:
+        """The raw level."""
+        return self.on is not self.inverted
+
+    def quiet(self, position: float) -> tuple[float, float]:
+        """Return the open interval around `position` in which the switch does not change."""
+        if self.on:
+            return self.leave_low, self.leave_high
+        return (-inf, self.on_from) if position < self.on_from else (self.on_to, inf)
+
+    def changes(self, before: float, after: float) -> Iterator[tuple[float, bool]]:
+        """Move from `before` to `after` and yield (position, on) of each change, in order."""
+        up = after > before
+        if not self.on:
+            if up and before < self.on_from <= after:
+                yield self.on_from, True
+            elif not up and after <= self.on_to < before:
+                yield self.on_to, True
+            else:
+                return
+            self.on = True
+        if up and after > self.leave_high:
+            yield self.leave_high, False
+        elif not up and after < self.leave_low:
+            yield self.leave_low, False
+        else:
+            return
+        self.on = False
+
+
+class _Index:
+    """The marks of an encoder index, latched when the axis comes to them, moving either way.
+
+    A mark belongs to the motion that arrives at it: turning on it, and stopping on it and going
+    on, latch it once.
+    """
+
+    __slots__ = ('above', 'below', 'offset', 'pitch')
+
+    def __init__(self, offset: float, pitch: float, position: float) -> None:
+        self.offset, self.pitch = offset, pitch
+        k = floor((position - offset) / pitch)
+        while self.mark(k) <= position:
+            k += 1
+        while self.mark(k - 1) > position:
+            k -= 1
+        self.above = k  # numbers of the next marks above and below the position ...
+        self.below = k - 1 if self.mark(k - 1) < position else k - 2  # ... not the one on it
+
+    def mark(self, k: int) -> float:
+        return self.offset + k * self.pitch
+
+    def quiet(self, position: float) -> tuple[float, float]:
+        """Return the open interval around `position` without a mark; empty while on a mark."""
+        if self.above - self.below > 1:
+            return position, position
+        return self.mark(self.below), self.mark(self.above)
+
+    def crossed(self, before: float, after: float) -> Iterator[float]:
+        """Move from `before` to `after` and yield the marks come to, in order."""
+        way = 1 if after > before else -1
+        k = self.above if way > 0 else self.below
+        while before < (mark := self.mark(k)) <= after or after <= mark < before:
+            yield mark
+            k += way
+        last = k - 2 * way if self.mark(k - way) == after else k - way
+        self.above, self.below = (k, last) if way > 0 else (last, k)
+
+
+class SimulatedAxis:
+    """One axis: a drive that follows setpoints, and what its inputs see of it.
+
+    `time` (s), `position` (the feedback, which is also the true position) and `command` (what the
+    drive follows at this time), the latter two in m or rad, are for reading.
+    """
+
+    __slots__ = (
+        '_decay',
+        '_decay_dt',
+        '_goal',
+        '_high',
+        '_index',
+        '_lag',
+        '_low',
+        '_probe',
+        '_quiet_high',
+        '_quiet_low',
+        '_rate',
+        '_remaining',
+        '_servo',
+        '_switches',
+        'command',
+        'position',
+        'time',
+    )
+
+    def __init__(self, layout: AxisLayout, position: float | None = None) -> None:
+        """Put the axis at rest at `position` (default: the layout's start) at time 0.
+
+        Raise ValueError if that is beyond a hard stop.
+        """
+        self._low, self._high = layout.hard_stops
+        self.position = layout.start if position is None else position
+        if not self._low <= self.position <= self._high:
+            raise ValueError(
+                f'position {self.position} is beyond the hard stops [{self._low}, {self._high}]'
+            )
+        self.time = 0.0
+        self.command = self._goal = self.position
+        self._remaining = 0.0  # s until the command is at the goal, coming at this rate
+        self._rate = 0.0
+        self._lag = layout.lag
+        self._decay_dt, self._decay = 0.0, 1.0  # exp(-dt / lag), for the dt it was last needed for
+        self._servo = True
+        self._switches = [
+            _Switch(name, layout.switches[name], self.position)
+            for name in SWITCHES
+            if name in layout.switches
+        ]
+        self._index = (
+            _Index(layout.index_offset, layout.index_pitch, self.position)
+            if layout.index_pitch > 0.0
+            else None
+        )
+        self._probe = layout.touch_probe
+        self._find_quiet()
+
+    def follow(self, position: float, over: float = 0.0) -> None:
+        """Take the newest setpoint, in m or rad; a drive whose servo is off ignores it.
+
+        The command goes linearly from where it is to `position` over `over` s; 0 = at once.
+        """
+        if not self._servo:
+            return
+        self._goal = position
+        if over > 0.0:
+            self._remaining = over
+            self._rate = (position - self.command) / over
+        else:
+            self._remaining = 0.0
+            self.command = position
+
+    def servo(self, on: bool) -> None:
+        """Switch the servo; while it is off a brake holds the axis where it is."""
+        self._servo = on
+        if not on:
+            self.command = self._goal = self.position
+            self._remaining = 0.0
+
+    def levels(self) -> dict[str, bool]:
+        """Return the raw level of every switch."""
+        return {switch.name: switch.level for switch in self._switches}
+
+    def step(self, dt: float) -> Sequence[Happening]:
+        """Advance by `dt` s (> 0) and return what happened, in the order of time."""
+        start = self.time
+        before = self.position
+        self.time = start + dt
+        if self._remaining > 0.0:
+            after = self._along_ramp(dt)
+        elif before == self.command:
+            return NOTHING
+        else:
+            after = self._settled(dt)
+        if after > self._high:
+            after = self._high
+        elif after < self._low:
+            after = self._low
+        self.position = after
+        if self._quiet_low < after < self._quiet_high or after == before:
+            return NOTHING
+        return self._happenings(start, dt, before, after)
+
+    def _settled(self, dt: float) -> float:
+        """Return the feedback after `dt` s of the command standing still."""
+        if not self._lag:
+            return self.command
+        if dt != self._decay_dt:
+            self._decay_dt, self._decay = dt, exp(-dt / self._lag)
+        return self.command + (self.position - self.command) * self._decay
+
+    def _along_ramp(self, dt: float) -> float:
+        """Return the feedback after `dt` s that begin with the command on its way."""
+        offset = self.position - self.command
+        ramp = dt if dt < self._remaining else self._remaining
+        self._remaining -= ramp
+        self.command = self._goal - self._rate * self._remaining
+        if not self._lag:
+            return self.command
+        if ramp != self._decay_dt:
+            self._decay_dt, self._decay = ramp, exp(-ramp / self._lag)
+        drag = self._rate * self._lag  # what the feedback comes to stay behind
+        after = self.command - drag + (offset + drag) * self._decay
+        if ramp < dt:
+            after = self.command + (after - self.command) * exp((ramp - dt) / self._lag)
+        return after
+
+    def _happenings(
+        self, start: float, dt: float, before: float, after: float
+    ) -> Sequence[Happening]:
+        found: list[tuple[float, str, bool | float]] = []
+        for switch in self._switches:
+            for position, on in switch.changes(before, after):
+                found.append((position, switch.name, on is not switch.inverted))
+        if self._index is not None:
+            for mark in self._index.crossed(before, after):
+                found.append((mark, Input.Z_PULSE.value, mark))
+        probe = self._probe
+        if probe is not None and (before < probe <= after or after <= probe < before):
+            found.append((probe, Input.TOUCH_PROBE.value, probe))
+        self._find_quiet()
+        if len(found) > 1:  # the sort is stable: what is at one position stays in order
+            found.sort(key=itemgetter(0), reverse=after < before)
+        length = after - before
+        return [
+            Happening(start + dt * ((position - before) / length), name, value, position)
+            for position, name, value in found
+        ]
+
+    def _find_quiet(self) -> None:
+        """Find the open interval around the position in which nothing happens."""
+        position = self.position
+        quiet = [switch.quiet(position) for switch in self._switches]
+        if self._index is not None:
+            quiet.append(self._index.quiet(position))
+        if self._probe is not None:
+            quiet.append(_quiet_around(self._probe, position))
+        self._quiet_low = max((low for low, _ in quiet), default=-inf)
+        self._quiet_high = min((high for _, high in quiet), default=inf)
+
+
+def _quiet_around(mark: float, position: float) -> tuple[float, float]:
+    """Return the open interval around `position` without the one mark; empty while on it."""
+    if position == mark:
+        return position, position
+    return (-inf, mark) if position < mark else (mark, inf)
+
+
+def mirrored(layout: AxisLayout) -> AxisLayout:
+    """Return the layout with all positions negated and positive and negative inputs swapped."""
+    other = {a.value: b.value for pair in LIMIT_PAIRS.values() for a, b in (pair, pair[::-1])}
+    return replace(
+        layout,
+        hard_stops=(-layout.hard_stops[1], -layout.hard_stops[0]),
+        switches={
+            other.get(name, name): replace(switch, on_from=-switch.on_to, on_to=-switch.on_from)
+            for name, switch in layout.switches.items()
+        },
+        index_offset=-layout.index_offset,
+        touch_probe=None if layout.touch_probe is None else -layout.touch_probe,
+        start=-layout.start,
+    )
+
+
+def layouts_from(mapping: Mapping[str, object]) -> dict[str, AxisLayout]:
+    """Read layouts, as parsed from YAML: axis name → the keys below → value.
+
+    `hard_stops` ([lower, upper]) is required. `<switch>` ([from, to]) and `<switch>_hysteresis`
+    for every name in `SWITCHES`; `inverted`, a list of such names; `index_pitch`, `index_offset`,
+    `touch_probe`, `lag`, `start` as in `AxisLayout`. Whole numbers are accepted for all reals.
+
+    Raise one ValueError that lists every fault, one a line.
+    """
+    faults: list[str] = []
+    layouts = {}
+    for axis, entries in mapping.items():
+        if isinstance(entries, Mapping):
+            layouts[axis] = _Reader(axis, entries, faults).layout()
+        else:
+            faults.append(f'axis {axis}: a mapping is expected, not {entries!r}')
+    if faults:
+        raise ValueError('\n'.join(faults))
+    return layouts
+
+
+class _Reader:
+    """Reads the entries of one axis and collects their faults."""
+
+    def __init__(self, axis: str, entries: Mapping[str, object], faults: list[str]) -> None:
+        self.axis = axis
+        self.left = dict(entries)
+        self.faults = faults
+
+    def fault(self, text: str) -> None:
+        self.faults.append(f'axis {self.axis}: {text}')
+
+    def layout(self) -> AxisLayout:
+        if 'hard_stops' not in self.left:
+            self.fault('hard_stops is missing: [lower, upper] in m or rad')
+        stops = self.pair('hard_stops') or (-inf, inf)
+        if stops[0] == stops[1]:
+            self.fault(f'hard_stops leave no travel: both are {stops[0]} m or rad')
+        inverted = self.names('inverted')
+        switches = {}
+        for name in SWITCHES:
+            fitted = name in self.left
+            flag = self.pair(name)
+            if not fitted and f'{name}_hysteresis' in self.left:
+                self.fault(f'{name}_hysteresis is given, but {name} is not')
+            if not fitted and name in inverted:
+                self.fault(f'inverted names {name}, which is not given')
+            hysteresis = self.real(f'{name}_hysteresis', 0.0, 'm or rad', least=0.0)
+            if flag is not None:
+                switches[name] = SwitchLayout(*flag, hysteresis, name in inverted)
+        probe = self.real('touch_probe', 0.0, 'm or rad') if 'touch_probe' in self.left else None
+        layout = AxisLayout(
+            hard_stops=stops,
+            switches=switches,
+            index_pitch=self.real('index_pitch', 0.0, 'm or rad', least=0.0),
+            index_offset=self.real('index_offset', 0.0, 'm or rad'),
+            touch_probe=probe,
+            lag=self.real('lag', 0.0, 's', least=0.0),
+            start=self.real('start', 0.0, 'm or rad'),
+        )
+        if not stops[0] <= layout.start <= stops[1]:
+            self.fault(
+                f'start {layout.start} m or rad is beyond hard_stops [{stops[0]}, {stops[1]}]'
+            )
+        for key in self.left:
+            self.fault(f'{key} is unknown')
+        return layout
+
+    def real(self, key: str, default: float, unit: str, least: float = -inf) -> float:
+        value = self.left.pop(key, default)
+        if not _is_real(value) or not isfinite(value):
+            self.fault(f'{key} {value!r} is not a number (unit: {unit})')
+        elif value < least:
+            self.fault(f'{key} {value} {unit} is less than {least} {unit}')
+        else:
+            return float(value)
+        return default
+
+    def pair(self, key: str) -> tuple[float, float] | None:
+        value = self.left.pop(key, None)
+        if value is None:
+            return None
+        if (
+            not isinstance(value, Sequence)
+            or isinstance(value, str)
+            or len(value) != 2
+            or not all(_is_real(end) and not isnan(end) for end in value)
+        ):
+            self.fault(f'{key} {value!r} is not a pair [from, to] of numbers, m or rad')
+            return None
+        low, high = value
+        if low > high:
+            self.fault(f'{key} begins at {low} and ends below that, at {high} m or rad')
+            return None
+        return float(low), float(high)
+
+    def names(self, key: str) -> Sequence[str]:
+        value = self.left.pop(key, ())
+        if not isinstance(value, Sequence) or isinstance(value, str):
+            self.fault(f'{key} {value!r} is not a list of switch names')
+            return ()
+        for name in value:
+            if name not in SWITCHES:
+                self.fault(f'{key} names {name!r}, which is none of {", ".join(SWITCHES)}')
+        return value
+
+
+def _is_real(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
