@@ -1,0 +1,134 @@
+"""ROS messages to and from values, and parameter descriptors.
+
+Scalars are cast to their field's type: a wrong type is not noticed when a message is sent.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+from builtin_interfaces.msg import Duration, Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from homing_interfaces.msg import AxisState
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from .axis import Axis, Outcome, Setpoint
+from .parameters import Spec
+from .states import Error
+
+NS = 1_000_000_000
+
+
+def descriptor(spec: Spec) -> ParameterDescriptor:
+    """Describe a parameter: text, unit, choices, range.
+
+    Typing is dynamic so that integers are accepted for real parameters; the node converts.
+    """
+    text = spec.text + (f' [{spec.unit}]' if spec.unit else '')
+    constraints = [spec.bounds and f'{spec.bounds} {spec.unit}'.rstrip(),
+                   spec.choices and 'one of ' + ', '.join(spec.choices)]
+    described = ParameterDescriptor(
+        description=text, dynamic_typing=True,
+        additional_constraints='; '.join(c for c in constraints if c))
+    bounded = math.isfinite(spec.minimum) or math.isfinite(spec.maximum)
+    if spec.kind is float and bounded:
+        described.floating_point_range = [FloatingPointRange(
+            from_value=max(spec.minimum, -1e300), to_value=min(spec.maximum, 1e300))]
+    elif spec.kind is int and bounded:
+        described.integer_range = [IntegerRange(
+            from_value=int(max(spec.minimum, -2**31)), to_value=int(min(spec.maximum, 2**31)))]
+    return described
+
+
+def plain(value: object) -> object:
+    """Return a parameter's value as ROS stores it."""
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, Sequence):
+        return [str(item) for item in value]
+    return value
+
+
+def to_stamp(nanoseconds: int) -> Time:
+    return Time(sec=nanoseconds // NS, nanosec=nanoseconds % NS)
+
+
+def to_nanoseconds(stamp: Time) -> int:
+    return int(stamp.sec) * NS + int(stamp.nanosec)
+
+
+def positions(message: JointState) -> Iterable[tuple[str, float]]:
+    """Yield (joint, position) of a joint state; what is not finite or not paired is left out."""
+    for name, position in zip(message.name, message.position, strict=False):
+        if math.isfinite(position):
+            yield name, position
+
+
+def trajectory(setpoints: Mapping[str, Setpoint], period: float) -> JointTrajectory:
+    """Make one message of the setpoints of a cycle, by joint; stamp 0 means now."""
+    nanoseconds = round(period * NS)
+    point = JointTrajectoryPoint(
+        positions=[s.position for s in setpoints.values()],
+        velocities=[s.velocity for s in setpoints.values()],
+        accelerations=[s.acceleration for s in setpoints.values()],
+        time_from_start=Duration(sec=nanoseconds // NS, nanosec=nanoseconds % NS))
+    return JointTrajectory(joint_names=list(setpoints), points=[point])
+
+
+def position_commands(commands: Iterable[float]) -> Float64MultiArray:
+    return Float64MultiArray(data=[float(c) for c in commands])
+
+
+def joint_states(stamp: int, homed: Mapping[str, float]) -> JointState:
+    """Make the homed coordinates of the homed joints into a message."""
+    message = JointState(name=list(homed), position=[float(p) for p in homed.values()])
+    message.header.stamp = to_stamp(stamp)
+    return message
+
+
+def home_message(outcomes: Sequence[Outcome]) -> str:
+    """Tell how a request ended, as the services answer it: the first failure, or each home."""
+    failed = [outcome for outcome in outcomes if not outcome.success]
+    if failed:
+        return f'{failed[0].error}: {failed[0].message}'
+    return 'Homed: ' + '; '.join(
+        f'home_position_raw={outcome.home_position_raw:.9g} '
+        f'home_offset={outcome.home_offset:.9g} uncertainty={outcome.uncertainty:.3g}'
+        for outcome in outcomes)
+
+
+def axis_state(stamp: int, axis: Axis) -> AxisState:
+    """Tell where an axis stands; while it stops after an error, that error already."""
+    outcome = axis.outcome
+    message = AxisState(
+        axis=axis.name, state=str(axis.state), paused=axis.paused, homed=bool(axis.homed),
+        error=str(axis.error), message=axis.message, position=float(axis.position),
+        home_offset=float(outcome.home_offset),
+        home_position_raw=float(outcome.home_position_raw),
+        uncertainty=float(outcome.uncertainty))
+    message.header.stamp = to_stamp(stamp)
+    return message
+
+
+def diagnostics(stamp: int, node: str, axes: Iterable[Axis]) -> DiagnosticArray:
+    """Tell the level, state, last error and bounces of every axis."""
+    message = DiagnosticArray(status=[_diagnostic(node, axis) for axis in axes])
+    message.header.stamp = to_stamp(stamp)
+    return message
+
+
+def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
+    outcome = axis.outcome
+    level, text = DiagnosticStatus.OK, 'homed' if axis.homed else str(axis.state)
+    if outcome.error is not Error.NoError:
+        level, text = DiagnosticStatus.ERROR, f'{outcome.error}: {outcome.message}'
+    elif not axis.homed and not axis.running:
+        level, text = DiagnosticStatus.WARN, 'not homed'
+    values = {
+        'state': axis.state, 'homed': axis.homed, 'error': outcome.error,
+        'home_offset': outcome.home_offset, 'uncertainty': outcome.uncertainty}
+    return DiagnosticStatus(
+        level=level, name=f'{node}: {axis.name}', message=text, hardware_id=axis.name,
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
