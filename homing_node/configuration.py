@@ -53,6 +53,9 @@ TOPIC_SPECS: Mapping[str, Spec] = {
     for name in Input
 }
 
+#: The input whose topic a parameter names.
+TOPICS: Mapping[str, Input] = {f'topics.{name}': name for name in Input}
+
 AXIS_SPECS: Mapping[str, Spec] = {**SPECS, **TOPIC_SPECS}
 
 

@@ -21,7 +21,7 @@ from .states import Error
 NS = 1_000_000_000
 
 
-def descriptor(spec: Spec) -> ParameterDescriptor:
+def descriptor(spec: Spec, read_only: bool = False) -> ParameterDescriptor:
     """Describe a parameter: text, unit, choices, range.
 
     Typing is dynamic so that integers are accepted for real parameters; the node converts.
@@ -30,7 +30,7 @@ def descriptor(spec: Spec) -> ParameterDescriptor:
     constraints = [spec.bounds and f'{spec.bounds} {spec.unit}'.rstrip(),
                    spec.choices and 'one of ' + ', '.join(spec.choices)]
     described = ParameterDescriptor(
-        description=text, dynamic_typing=True,
+        description=text, dynamic_typing=True, read_only=read_only,
         additional_constraints='; '.join(c for c in constraints if c))
     bounded = math.isfinite(spec.minimum) or math.isfinite(spec.maximum)
     if spec.kind is float and bounded:

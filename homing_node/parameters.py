@@ -440,11 +440,11 @@ def axis_parameters(values: Mapping[str, object], axis: str = '') -> AxisParamet
         if spec.required and name not in values:
             unit = f', {spec.unit}' if spec.unit else ''
             faults.append(f'{name}: required, but not set ({spec.text}{unit})')
-    for prefix_of_tier in ('', 'near_', 'external_'):
-        if good.get(f'{prefix_of_tier}ls_type') is LSType.SeparatePositiveLSNegativeLS:
-            faults += [f'{prefix_of_tier}{side}_ls_type: required with SeparatePositiveLSNegativeLS'
-                       for side in ('positive', 'negative')
-                       if f'{prefix_of_tier}{side}_ls_type' not in values]
+    for tier in ('', 'near_', 'external_'):
+        if good.get(f'{tier}ls_type') is LSType.SeparatePositiveLSNegativeLS:
+            needed = (f'{tier}positive_ls_type', f'{tier}negative_ls_type')
+            faults += [f'{name}: required, but not set ({tier}ls_type is '
+                       'SeparatePositiveLSNegativeLS)' for name in needed if name not in values]
     if not faults:
         parameters = AxisParameters(**good)
         faults = parameters.cross_check()

@@ -1,0 +1,107 @@
+"""Requests from clients to axes: who homes what, and who waits for which answer.
+
+No ROS: the services await an :class:`Answer`, which the cycle gives.
+"""
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+
+from .axis import Axis, Outcome
+from .request import Request
+from .states import Error
+
+
+class Answer:
+    """What a coroutine of the executor awaits; the executor must be woken after :meth:`give`."""
+
+    def __init__(self) -> None:
+        self.given = False
+
+    def give(self) -> None:
+        self.given = True
+
+    def __await__(self) -> Generator[None, None, None]:
+        while not self.given:
+            yield
+
+
+class Dispatch:
+    """The one lock of the axes for all clients: an axis obeys one request at a time.
+
+    ``unready`` tells why an axis cannot home now for a reason that the axis does not know.
+    """
+
+    def __init__(
+        self,
+        axes: Mapping[str, Axis],
+        groups: Sequence[Sequence[str]],
+        unready: Callable[[str], Outcome | None],
+    ) -> None:
+        self.groups = groups
+        self.closed = False
+        self._axes = axes
+        self._unready = unready
+        self._active: list[tuple[Request, Answer]] = []
+        self._canceling: list[tuple[Sequence[str], Answer]] = []
+
+    @property
+    def idle(self) -> bool:
+        return not self._active and not self._canceling
+
+    def home(self, names: Sequence[str], owner: str, now: float) -> Outcome | Request:
+        """Start homing some axes in the order of the groups; return why not, or the request."""
+        if self.closed:
+            return Outcome(Error.Canceled, 'the node is shutting down')
+        for name in names:
+            refusal = self._busy(name) or self._unready(name)
+            if refusal is not None:
+                return refusal
+        wanted = [tuple(name for name in group if name in names) for group in self.groups]
+        listed = {name for group in self.groups for name in group}
+        wanted += [(name,) for name in names if name not in listed]
+        request = Request([group for group in wanted if group], self._axes, owner)
+        request.start(now)
+        self._active.append((request, Answer()))
+        return request
+
+    def answer(self, request: Request) -> Answer:
+        """Return what to await for a request that was started."""
+        return next(answer for active, answer in self._active if active is request)
+
+    def cancel(self, names: Sequence[str]) -> tuple[Sequence[str], Answer]:
+        """Stop some axes; return those that move, and what to await until they rest."""
+        moving = [name for name in names if self._axes[name].running]
+        for request, _ in self._active:
+            if set(request.names) <= set(names):
+                request.cancel()
+        for name in moving:
+            self._axes[name].cancel()
+        answer = Answer()
+        self._canceling.append((moving, answer))
+        return moving, answer
+
+    def close(self) -> None:
+        """Cancel everything and refuse what comes."""
+        self.closed = True
+        for request, _ in self._active:
+            request.cancel()
+
+    def update(self, now: float) -> bool:
+        """Follow the axes, once a cycle; return whether an answer was given."""
+        ended = [entry for entry in self._active if entry[0].update(now)]
+        rested = [entry for entry in self._canceling
+                  if not any(self._axes[name].running for name in entry[0])]
+        for entry in ended:
+            self._active.remove(entry)
+            entry[1].give()
+        for waiting in rested:
+            self._canceling.remove(waiting)
+            waiting[1].give()
+        return bool(ended or rested)
+
+    def _busy(self, name: str) -> Outcome | None:
+        for request, _ in self._active:
+            if name in request.names and not request.done:
+                return Outcome(Error.Busy, f'axis {name}: {request.owner} is homing '
+                                           f'{", ".join(request.names)} '
+                                           f'({name}: {self._axes[name].state})')
+        return None

@@ -1,0 +1,50 @@
+"""The node's clock: the time of the core, how stamps relate to it, and waiting for the next cycle.
+
+Without ``use_sim_time`` the core's time is the monotonic clock, and stamps (system time) are
+related to it anew at every reading, so that a step of the system clock does no harm. With it the
+core's time is ROS time.
+"""
+
+import time
+from collections.abc import Callable
+
+#: How often a simulated clock is looked at, s.
+LOOK = 0.0005
+
+
+class TimeBase:
+    """``now`` is the time of the last reading, s.
+
+    ``ros_time`` returns the simulated time in ns, or is None where time is not simulated.
+    """
+
+    def __init__(self, ros_time: Callable[[], int] | None = None) -> None:
+        self._ros_time = ros_time
+        self._wall_ns = 0
+        self.now = 0.0
+        self.read()
+
+    @property
+    def simulated(self) -> bool:
+        return self._ros_time is not None
+
+    def read(self) -> float:
+        """Read the clock."""
+        if self._ros_time is not None:
+            self._wall_ns = self._ros_time()
+            self.now = self._wall_ns * 1e-9
+        else:
+            self._wall_ns, self.now = time.time_ns(), time.monotonic()
+        return self.now
+
+    def time_of(self, nanoseconds: int) -> float:
+        """Return a stamp in the time of the core, by the last reading."""
+        return self.now + (nanoseconds - self._wall_ns) * 1e-9
+
+    def sleep_until(self, due: float, ended: Callable[[], bool]) -> None:
+        """Wait for a time of the core, or until ``ended`` says so while time is simulated."""
+        if self._ros_time is None:
+            time.sleep(max(0.0, due - time.monotonic()))
+            return
+        while self.read() < due and not ended():
+            time.sleep(LOOK)
