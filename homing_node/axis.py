@@ -129,6 +129,11 @@ class Axis:
     # ----------------------------------------------------------------------------------- requests
 
     @property
+    def known(self) -> bool:
+        """Whether a feedback was ever received."""
+        return self.arrival > -1e200
+
+    @property
     def running(self) -> bool:
         return self.machine is not None
 
@@ -153,7 +158,7 @@ class Axis:
         faults = p.cross_check()
         if faults:
             return self._refused(Error.InvalidParameter, '; '.join(faults))
-        if self.arrival < -1e200:
+        if not self.known:
             return self._refused(
                 Error.FeedbackStale, f'no feedback yet for joint {p.joint or self.name!r}')
         age = now - self.arrival

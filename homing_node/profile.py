@@ -9,10 +9,22 @@ Generation with Arbitrary Target States", 2021 (ruckig).
 
 from typing import NamedTuple
 
-from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Trajectory
+from ruckig import (
+    ControlInterface,
+    InputParameter,
+    OutputParameter,
+    Result,
+    Ruckig,
+    RuckigError,
+    Trajectory,
+)
 
 #: Below this a velocity or a distance is ruckig's rounding, not a motion.
 TINY = 1e-12
+#: ruckig finds no trajectory where two of its cases meet exactly (a move of 2 a^3 / j^2, say); a
+#: jerk smaller by this part leaves that point.
+OFF_THE_POINT = 1e-6
+ATTEMPTS = 5
 
 
 class Pace(NamedTuple):
@@ -31,14 +43,14 @@ class Profile:
     """
 
     __slots__ = ('position', 'velocity', 'acceleration', 'done', 'period',
-                 'pace', '_otg', '_in', '_out', '_next')
+                 'pace', '_otg', '_in', '_out', '_next', '_max_jerk')
 
     def __init__(self, period: float, max_jerk: float, position: float = 0.0) -> None:
         self.period = period
         self._otg = Ruckig(1, period)
         self._in = InputParameter(1)
         self._out = OutputParameter(1)
-        self._in.max_jerk = [max_jerk]
+        self._max_jerk = max_jerk
         self._in.target_acceleration = [0.0]
         self.pace = Pace(1.0, 1.0, 1.0)
         self._next: tuple[float, Pace] | None = None
@@ -99,6 +111,7 @@ class Profile:
         forward = target >= self.position
         inp = self._in
         inp.control_interface = ControlInterface.Position
+        inp.max_jerk = [self._max_jerk]
         inp.target_position = [target]
         inp.target_velocity = [0.0]
         inp.max_velocity = [pace.velocity]
@@ -119,7 +132,7 @@ class Profile:
         inp.current_acceleration = [self.acceleration]
         inp.target_velocity = [0.0]
         inp.max_acceleration = [deceleration]
-        inp.max_jerk = self._in.max_jerk
+        inp.max_jerk = [self._max_jerk]
         trajectory = Trajectory(1)
         Ruckig(1).calculate(inp, trajectory)
         return float(trajectory.at_time(trajectory.duration)[0][0])
@@ -132,9 +145,15 @@ class Profile:
         if self.done and self.velocity == 0.0 and self.acceleration == 0.0:
             return
         inp, out = self._in, self._out
-        result = self._otg.update(inp, out)
-        if result not in (Result.Working, Result.Finished):
-            raise ArithmeticError(f'no trajectory: {result}')
+        for _ in range(ATTEMPTS):
+            try:
+                result = self._otg.update(inp, out)
+                break
+            except RuckigError as error:
+                fault = error
+                inp.max_jerk = [inp.max_jerk[0] * (1.0 - OFF_THE_POINT)]
+        else:
+            raise ArithmeticError(f'no trajectory: {fault}')
         out.pass_to_input(inp)
         self.position = out.new_position[0]
         self.velocity = out.new_velocity[0]
@@ -155,6 +174,7 @@ class Profile:
         forward = velocity > 0.0 or (velocity == 0.0 and self.velocity < 0.0)
         inp = self._in
         inp.control_interface = ControlInterface.Velocity
+        inp.max_jerk = [self._max_jerk]
         inp.target_velocity = [velocity]
         inp.max_acceleration = [acceleration if forward else deceleration]
         inp.min_acceleration = [-deceleration if forward else -acceleration]

@@ -1,0 +1,147 @@
+"""How far and how long a motion may go: turning points, and the rules that hold in every row.
+
+No sign and no clock: positions are in the *toward* frame, m or rad, times in s are passed in.
+"""
+
+import math
+from typing import NamedTuple
+
+from .events import Event
+from .motions import Bound, Kind, Way
+from .parameters import AxisParameters
+from .procedures import Row
+from .signals import Track
+from .states import Error
+
+#: What to say of an event that did not come.
+MISSED = {
+    Event.HS_RISES: 'the home switch did not rise',
+    Event.HS_FALLS: 'the home switch did not fall',
+    Event.LS_RISES: 'the limit switch did not rise',
+    Event.LS_FALLS: 'the limit switch did not fall',
+    Event.Z_PULSE: 'no Z-pulse came',
+    Event.TOUCH_PROBE: 'the touch probe did not trigger',
+    Event.END_DETECTED: 'the mechanical end was not found',
+}
+HINTS = {
+    Bound.LS_REVERSE: 'is the home switch between the limits?',
+    Bound.HS_ON_AT_START: 'is the switch stuck on, or its polarity inverted?',
+    Bound.SEARCH: 'is the switch wired, and the direction right?',
+}
+
+
+class Fault(NamedTuple):
+    """A rule that a motion broke: the error, what was seen, what may be the reason."""
+
+    error: Error
+    seen: str
+    hint: str = ''
+
+
+class Leg:
+    """One stretch of travel in one way, measured from its turning point.
+
+    ``before`` is the way of the travel that led to it (NONE: it began at rest), ``since`` when it
+    was commanded; ``feedback`` and ``command`` are the turning point's.
+    """
+
+    __slots__ = ('way', 'before', 'since', 'feedback', 'command', '_feedback_at_turn')
+
+    def __init__(
+        self, way: Way, feedback: float, command: float, since: float, before: Way = Way.NONE
+    ) -> None:
+        self.way, self.before, self.since = way, before, since
+        self.feedback = self._feedback_at_turn = feedback
+        self.command = command
+
+    def update(self, feedback: float, command: float) -> bool:
+        """Move the turning point; return whether the command still overruns."""
+        way = self.way
+        overruns = (command - self.command) * way < 0.0
+        if overruns:
+            self.command, self._feedback_at_turn = command, feedback
+        if (feedback - self.feedback) * way < 0.0:
+            self.feedback = feedback
+        return overruns
+
+    def way_at(self, time: float, track: Track) -> Way:
+        """Return how the axis traveled at a time that the track covers.
+
+        An axis that is told to turn travels on until the feedback's extreme.
+        """
+        if self.before is Way.NONE:
+            return self.way if time >= self.since else Way.NONE
+        return self.way if time > track.extreme(self.since, -self.way) else self.before
+
+    def gone(self, command: float) -> float:
+        """Return how far the command has gone from its turning point."""
+        return (command - self.command) * self.way
+
+    def traveled(self, feedback: float) -> float:
+        """Return how far the feedback has gone from its turning point."""
+        return (feedback - self.feedback) * self.way
+
+    def against(self, feedback: float) -> float:
+        """Return how far the feedback has gone the other way.
+
+        An axis that follows late overruns as far as its command did; that is not counted.
+        """
+        start = min(self._feedback_at_turn * self.way, self.command * self.way)
+        return start - feedback * self.way
+
+
+class Rules:
+    """What bounds every motion: its distance, the following error, the way, the run's time.
+
+    ``distance`` is the present bound in m, ``deadline`` the run's end in s.
+    """
+
+    def __init__(self, parameters: AxisParameters, now: float) -> None:
+        self._parameters = parameters
+        self.deadline = now + parameters.run_timeout
+        self._wrong_direction = parameters.wrong_direction_limit
+        self._following_error = parameters.following_error_limit
+        if parameters.homes_on_mechanical_end:  # the command turns from behind the end
+            self._following_error = max(
+                self._following_error, 2.0 * parameters.mechanical_end_detection_pos_diff)
+        self._following = self.distance = math.inf
+        self._missed = ''
+        self._bound = Bound.SEARCH
+        self._name = ''
+
+    def enter(self, row: Row) -> None:
+        """Take the bounds of a row."""
+        p, self._bound = self._parameters, row.bound
+        own: float = getattr(p, row.bound)
+        self._name = str(row.bound if own else Bound.SEARCH)
+        if not own and row.bound is Bound.HS_ON_AT_START:
+            self._bound = Bound.SEARCH
+        searching = row.motion.kind is Kind.SEARCH
+        self.distance = own or p.search_distance if searching else math.inf
+        self._following = math.inf if Event.END_DETECTED in row.on else self._following_error
+        self._missed = ' and '.join(MISSED[event] for event in row.on if event in MISSED)
+
+    def broken(self, leg: Leg, command: float, feedback: float, now: float) -> Fault | None:
+        """Return the rule that the motion breaks, None while it keeps them all."""
+        gone = leg.gone(command)
+        if gone > self.distance or leg.traveled(feedback) > self.distance:
+            return Fault(
+                self._bound.error,
+                f'{self._missed} within {self.distance:.6g} m ({self._name})', HINTS[self._bound])
+        if abs(command - feedback) > self._following:
+            return Fault(
+                Error.FollowingError,
+                f'command - feedback is {command - feedback:.6g} m, more than '
+                f'{self._following:.6g} m (following_error)',
+                'does the axis follow the setpoints, and does its feedback arrive?')
+        against, limit = leg.against(feedback), self._wrong_direction
+        if gone >= limit and against > 0.5 * limit:
+            return Fault(
+                Error.WrongDirection,
+                f'the feedback went {against:.6g} m against the command, which went {gone:.6g} m '
+                f'({limit:.6g} m is wrong_direction_distance)', 'is the encoder inverted?')
+        if now > self.deadline:
+            return Fault(
+                Error.Timeout,
+                f'not ended within {self._parameters.run_timeout:.6g} s (timeout)')
+        return None
