@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from sensor_msgs.msg import JointState
@@ -109,6 +110,16 @@ def axis_state(stamp: int, axis: Axis) -> AxisState:
         home_position_raw=float(outcome.home_position_raw),
         uncertainty=float(outcome.uncertainty))
     message.header.stamp = to_stamp(stamp)
+    return message
+
+
+def feedback(stamp: int, axes: Sequence[Axis]) -> Home.Feedback:
+    """Tell a goal of the action how far each of its axes has come; a bound of 0 is none."""
+    message = Home.Feedback(states=[axis_state(stamp, axis) for axis in axes])
+    for axis in axes:
+        traveled, bound = axis.machine.traveled if axis.machine else (0.0, 0.0)
+        message.distance_traveled.append(float(traveled))
+        message.distance_bound.append(float(bound) if math.isfinite(bound) else 0.0)
     return message
 
 

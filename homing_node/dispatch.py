@@ -44,6 +44,12 @@ class Dispatch:
         self._canceling: list[tuple[Sequence[str], Answer]] = []
 
     @property
+    def names(self) -> list[str]:
+        """All axes, in the order of the groups."""
+        listed = [name for group in self.groups for name in group]
+        return listed + [name for name in self._axes if name not in listed]
+
+    @property
     def idle(self) -> bool:
         return not self._active and not self._canceling
 
@@ -52,12 +58,12 @@ class Dispatch:
         if self.closed:
             return Outcome(Error.Canceled, 'the node is shutting down')
         for name in names:
-            refusal = self._busy(name) or self._unready(name)
+            refusal = self._unknown(name) or self._busy(name) or self._unready(name)
             if refusal is not None:
                 return refusal
-        wanted = [tuple(name for name in group if name in names) for group in self.groups]
         listed = {name for group in self.groups for name in group}
-        wanted += [(name,) for name in names if name not in listed]
+        groups = [*self.groups, *((name,) for name in names if name not in listed)]
+        wanted = [tuple(name for name in group if name in names) for group in groups]
         request = Request([group for group in wanted if group], self._axes, owner)
         request.start(now)
         self._active.append((request, Answer()))
@@ -97,6 +103,11 @@ class Dispatch:
             self._canceling.remove(waiting)
             waiting[1].give()
         return bool(ended or rested)
+
+    def _unknown(self, name: str) -> Outcome | None:
+        if name in self._axes:
+            return None
+        return Outcome(Error.UnknownAxis, f'{name!r} is none of the axes {", ".join(self._axes)}')
 
     def _busy(self, name: str) -> Outcome | None:
         for request, _ in self._active:

@@ -15,8 +15,10 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -45,6 +47,7 @@ from .dispatch import Dispatch
 from .inputs import Inputs
 from .parameters import InvalidParameters, axis_parameters
 from .reports import Reports
+from .services import Services
 from .states import Error, Input
 from .timebase import TimeBase
 
@@ -96,7 +99,7 @@ class HomingNode(Node):
         self._axes = {name: Axis(name, parameters, self._period)
                       for name, parameters in checked.axes.items()}
         self._faults: dict[str, tuple[str, ...]] = {}  # of parameters set since the start
-        self._commands: dict[str, float] = {}  # the last of each axis, for ~/position_commands
+        self._commands: dict[str, float] = {}  # of all axes while requests are active
         self._watched = 0.0
         self._stop_requested = False
         self.finished = threading.Event()
@@ -151,78 +154,38 @@ class HomingNode(Node):
 
     def _create_services(self) -> None:
         group = ReentrantCallbackGroup()
+        services = Services(self._dispatch, self._reports, self._timebase, self._lock)
 
         def serve(kind: Any, name: str, callback: Any) -> None:
             self.create_service(kind, name, callback, callback_group=group)
 
         for name, axis in self._axes.items():
-            serve(Trigger, f'~/{name}/home', self._home_server([name], f'~/{name}/home'))
-            serve(Trigger, f'~/{name}/cancel', self._cancel_server([name]))
-            serve(Trigger, f'~/{name}/continue', self._continue_server(axis))
-            serve(SetBool, f'~/{name}/servo', self._servo_server(axis))
-        serve(Trigger, '~/home', self._home_server(list(self._axes), '~/home'))
-        serve(Trigger, '~/cancel', self._cancel_server(list(self._axes)))
+            serve(Trigger, f'~/{name}/home', services.home([name], f'~/{name}/home'))
+            serve(Trigger, f'~/{name}/cancel', services.cancel([name]))
+            serve(Trigger, f'~/{name}/continue', services.resume(axis))
+            serve(SetBool, f'~/{name}/servo', services.servo(axis))
+        serve(Trigger, '~/home', services.home(list(self._axes), '~/home'))
+        serve(Trigger, '~/cancel', services.cancel(list(self._axes)))
+
+        def cancel(goal: Any) -> CancelResponse:
+            services.cancel_goal(goal)
+            return CancelResponse.ACCEPT
+
+        self._action = ActionServer(
+            self, Home, '~/home', services.execute, cancel_callback=cancel,
+            callback_group=group)
 
     def _ros_time(self) -> int:
         return int(self.get_clock().now().nanoseconds)
-
-    # ---------------------------------------------------------------------------------- services
-
-    def _home_server(self, names: list[str], owner: str) -> Any:
-        async def home(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            with self._lock:
-                if self._dispatch.idle:
-                    self._commands = {a.name: a.hold_position for a in self._axes.values()}
-                started = self._dispatch.home(names, owner, self._timebase.now)
-                if isinstance(started, Outcome):
-                    outcomes = [started]
-                else:
-                    answer = self._dispatch.answer(started)
-            if not isinstance(started, Outcome):
-                await answer
-                outcomes = list(started.outcomes.values())
-            response.success = all(outcome.success for outcome in outcomes)
-            response.message = convert.home_message(outcomes)
-            return response
-
-        return home
-
-    def _cancel_server(self, names: list[str]) -> Any:
-        async def cancel(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            with self._lock:
-                moving, answer = self._dispatch.cancel(names)
-            await answer
-            response.success = True
-            response.message = (
-                f'{", ".join(moving)} at rest' if moving else 'nothing to cancel')
-            return response
-
-        return cancel
-
-    def _continue_server(self, axis: Axis) -> Any:
-        def resume(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            with self._lock:
-                response.success = axis.paused
-                axis.resume()
-            response.message = '' if response.success else f'axis {axis.name} is not paused'
-            return response
-
-        return resume
-
-    def _servo_server(self, axis: Axis) -> Any:
-        def servo(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-            with self._lock:
-                axis.set_servo(bool(request.data))
-            response.success = True
-            response.message = f'servo_on of axis {axis.name}: {str(axis.servo_on).lower()}'
-            return response
-
-        return servo
 
     def _unready(self, name: str) -> Outcome | None:
         """Return why an axis cannot home for a reason that only the node knows."""
         if name in self._faults:
             return Outcome(Error.InvalidParameter, '; '.join(self._faults[name]))
+        if not self._by_trajectory:  # every axis is told a position, also one that only rests
+            for axis in self._axes.values():
+                if not axis.known:
+                    return Outcome(Error.FeedbackStale, f'axis {axis.name}: no feedback yet')
         return self._inputs.unready(name, self._publishers_of)
 
     def _publishers_of(self, topic: str) -> list[str]:
@@ -296,13 +259,21 @@ class HomingNode(Node):
     def start(self) -> None:
         """Start the threads; the caller spins the executor."""
         ended = self.finished.is_set
-        for name, loop in (('cycle', self._cycle_loop), ('reports', self._reports.run)):
-            threading.Thread(target=self._guarded, args=(name, loop, ended), daemon=True,
-                             name=name).start()
+        loops = {'cycle': self._cycle_loop, 'reports': self._reports.run}
+        self._threads = [
+            threading.Thread(target=self._guarded, args=(name, loop, ended), name=name)
+            for name, loop in loops.items()]
+        for thread in self._threads:
+            thread.start()
 
     def stop(self) -> None:
         """Stop every axis, answer every request, then finish."""
         self._stop_requested = True
+
+    def join(self) -> None:
+        """Wait for the threads."""
+        for thread in self._threads:
+            thread.join()
 
     def _guarded(
         self, name: str, loop: Callable[[Callable[[], bool]], None], ended: Callable[[], bool]
@@ -347,9 +318,12 @@ class HomingNode(Node):
                     setpoints[name] = setpoint
                 self._reports.note(axis)
             answered = self._dispatch.update(now)
-            finished = self._dispatch.closed and self._dispatch.idle
+            idle = self._dispatch.idle
+            finished = idle and self._dispatch.closed
         if setpoints:
             self._publish(setpoints)
+        if idle:
+            self._commands.clear()
         if finished:
             self._finish()
         elif answered:
@@ -360,9 +334,13 @@ class HomingNode(Node):
             by_joint = {self._joints[name]: setpoint for name, setpoint in setpoints.items()}
             self._trajectory.publish(convert.trajectory(by_joint, self._period))
             return
-        for name, setpoint in setpoints.items():
-            self._commands[name] = setpoint.position
-        self._position_commands.publish(convert.position_commands(self._commands.values()))
+        for name, axis in self._axes.items():
+            if name in setpoints:
+                self._commands[name] = setpoints[name].position
+            elif name not in self._commands:
+                self._commands[name] = axis.hold_position
+        commands = [self._commands[name] for name in self._axes]
+        self._position_commands.publish(convert.position_commands(commands))
 
     def _stop_all(self, error: Error, text: str) -> None:
         with self._lock:
@@ -425,6 +403,7 @@ def main(args: list[str] | None = None) -> int:
     until = time.monotonic() + FAREWELL
     while executor._tasks and time.monotonic() < until:
         executor.spin_once(timeout_sec=0.01)
+    node.join()
     node.destroy_node()
     rclpy.shutdown()
     return int(node.broken)

@@ -5,7 +5,7 @@ The cycle queues, a thread of its own publishes: a slow reader never delays a se
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -18,6 +18,9 @@ from .axis import Axis
 PERIOD = 0.02
 STATE_EVERY = 5
 DIAGNOSTICS_EVERY = 50
+
+
+Publish = Callable[[Any], None]
 
 
 class Reports:
@@ -39,8 +42,9 @@ class Reports:
         self._axes, self._joints = axes, joints
         self._states, self._servos, self._joint_states, self._diagnostics = publishers
         self._stamp, self._lock, self._node_name = stamp, lock, node_name
-        self._queue: SimpleQueue[tuple[Any, Any]] = SimpleQueue()
+        self._queue: SimpleQueue[tuple[Publish, Any]] = SimpleQueue()
         self._seen: dict[str, tuple[object, ...]] = {}
+        self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
 
     def note(self, axis: Axis) -> None:
         """Queue the state of an axis where it has changed; the lock is held."""
@@ -49,34 +53,55 @@ class Reports:
         if seen == before:
             return
         self._seen[axis.name] = seen
-        self._queue.put((self._states[axis.name], convert.axis_state(self._stamp(), axis)))
+        self._queue.put((self._states[axis.name].publish,
+                         convert.axis_state(self._stamp(), axis)))
         if before is None or before[-1] != axis.servo_on:
-            self._queue.put((self._servos[axis.name], Bool(data=bool(axis.servo_on))))
+            self._queue.put(
+                (self._servos[axis.name].publish, Bool(data=bool(axis.servo_on))))
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Publish until the node has ended and all that was queued is out."""
         turn, due = 0, time.monotonic()
         while not (ended() and self._queue.empty()):
             try:
-                publisher, message = self._queue.get(timeout=max(0.0, due - time.monotonic()))
-                publisher.publish(message)
+                publish, message = self._queue.get(timeout=max(0.0, due - time.monotonic()))
+                publish(message)
             except Empty:
                 turn, due = turn + 1, time.monotonic() + PERIOD
-                for publisher, message in self._due(turn):
-                    publisher.publish(message)
+                for publish, message in self._due(turn):
+                    publish(message)
 
-    def _due(self, turn: int) -> list[tuple[Any, Any]]:
+    def follow(self, goal: Any, names: Sequence[str]) -> None:
+        """Send a goal of the action feedback about its axes."""
+        with self._lock:
+            self._goals[bytes(goal.goal_id.uuid)] = (
+                goal, [self._axes[name] for name in names if name in self._axes])
+
+    def unfollow(self, goal: Any) -> None:
+        """Send a goal no more."""
+        with self._lock:
+            self._goals.pop(bytes(goal.goal_id.uuid), None)
+
+    def states(self, names: Sequence[str]) -> list[Any]:
+        """Return the state messages of those axes that exist; the lock is held."""
         stamp = self._stamp()
-        due: list[tuple[Any, Any]] = []
+        return [convert.axis_state(stamp, self._axes[name])
+                for name in names if name in self._axes]
+
+    def _due(self, turn: int) -> list[tuple[Publish, Any]]:
+        stamp = self._stamp()
+        due: list[tuple[Publish, Any]] = []
         with self._lock:
             axes = list(self._axes.values())
             homed = {self._joints[axis.name]: axis.position for axis in axes if axis.homed}
             if homed:
-                due.append((self._joint_states, convert.joint_states(stamp, homed)))
+                due.append((self._joint_states.publish, convert.joint_states(stamp, homed)))
             if turn % STATE_EVERY == 0:
-                due += [(self._states[axis.name], convert.axis_state(stamp, axis))
+                due += [(self._states[axis.name].publish, convert.axis_state(stamp, axis))
                         for axis in axes if axis.running]
+                due += [(goal.publish_feedback, convert.feedback(stamp, followed))
+                        for goal, followed in self._goals.values()]
             if turn % DIAGNOSTICS_EVERY == 0:
-                due.append((self._diagnostics,
+                due.append((self._diagnostics.publish,
                             convert.diagnostics(stamp, self._node_name, axes)))
         return due
