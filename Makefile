@@ -13,7 +13,7 @@ unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON
 # Processes that are started here neither hear nor disturb ROS nodes of other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help venv demo lint test clean
+.PHONY: help venv demo lint test docs clean
 .DELETE_ON_ERROR:
 
 help:
@@ -21,6 +21,7 @@ help:
 	@echo 'make demo    home simulated axes and show what happens'
 	@echo 'make test    lint, then run all tests'
 	@echo 'make lint    ruff, and mypy --strict on the core'
+	@echo 'make docs    make the generated pages of doc/ again'
 	@echo 'make clean   remove $(VENV) and everything generated'
 	@echo 'PYTHON=python3.12 make venv   use another interpreter'
 
@@ -33,6 +34,10 @@ lint: venv
 
 test: lint
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest
+
+docs: venv
+	$(VENV)/bin/python scripts/docs.py
+	$(VENV)/bin/python scripts/reference.py
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info
