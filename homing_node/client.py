@@ -34,10 +34,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from .rehearsal import Course, Sample
 from .simulation import Happening
-from .states import LATCHES, Error, Input, State
+from .states import LATCHES, Input, State
 
-#: How an answer begins where an input was not heard yet.
-UNHEARD = (str(Error.FeedbackStale), str(Error.SwitchUnknown))
+#: How a request is refused where an input was not heard yet; nothing has moved then.
+UNHEARD = ('no feedback yet', 'no message yet', 'nobody publishes')
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -187,10 +187,8 @@ class HomingClient:
         """Repeat a request that was refused for an input that was not heard yet."""
         until = time.monotonic() + self.patience
         while True:
-            begun = time.monotonic()
             answer = run()
-            unheard = answer.message.startswith(UNHEARD) and time.monotonic() - begun < 0.2
-            if answer or not unheard or time.monotonic() > until:
+            if not any(text in answer.message for text in UNHEARD) or time.monotonic() > until:
                 return answer
             time.sleep(0.05)
 

@@ -1,0 +1,114 @@
+"""Makes doc/parameters.md from the specifications that the node itself declares and checks."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from homing_node.configuration import NODE_SPECS, TOPIC_SPECS
+from homing_node.parameters import SPECS, Spec
+from homing_node.states import LSType
+
+PAGE = Path(__file__).resolve().parent.parent / 'doc' / 'parameters.md'
+
+#: The first parameter of each section.
+SECTIONS: Mapping[str, str] = {
+    'home_type': 'The axis',
+    'homing_velocity_fast': 'How it moves',
+    'invert_hs_polarity': 'Polarity',
+    'multiple_z_pulse': 'Z-pulse',
+    'max_hs_on_at_start_reverse_distance': 'Bounds',
+    'immediate_stop_at_ls': 'Variants',
+    'ls_type': 'Limit switches',
+    'mechanical_end_detection_pos_diff': 'Mechanical end',
+    'switches': 'Inputs',
+    'following_error': 'Supervision',
+    'clear_home_done_on_servo_off': 'Loss of home',
+}
+
+HEAD = """\
+<!-- Made by `make docs` from homing_node/parameters.py and configuration.py. -->
+
+# Parameters
+
+Units are SI. For a rotary axis read rad for m. An integer is accepted for every real parameter.
+
+Parameters come from a YAML file (`--params-file`). A bad file stops the node at its start with all
+faults listed and exit status 1; an unknown name is a fault too. At runtime `ros2 param set` checks
+the value; it takes effect at the next run of that axis and is refused while the axis is homing.
+
+What must fit together is checked when the file is read, when several parameters are set at once,
+and when a run starts:
+
+- `homing_velocity_slow` ≤ `homing_velocity_fast`;
+- `homing_reverse_distance` < `travel`, |`home_shift_distance`| ≤ `travel`;
+- `max_search_distance` ≤ 2 × `travel`; `max_ls_reverse_distance` and
+  `max_hs_on_at_start_reverse_distance` ≤ the search bound;
+- `home_shift_distance` ≤ 0 for the types that home on a limit switch;
+- the inputs that `home_type` needs are in `switches`, and a near or external limit that it homes
+  on has a type other than `None`;
+- `mechanical_end_detection_pos_diff` > 0 for the types that home on the mechanical end.
+
+## The node
+
+"""
+AXIS = """
+# Parameters of an axis
+
+Each stands under the axis's name: `x.travel`.
+"""
+TOPICS = """
+## Topics
+
+The topic of each input; empty means `~/<axis>/<input>`.
+
+"""
+
+
+def page() -> str:
+    """Return the whole page."""
+    parts = [HEAD, table(NODE_SPECS.values()), AXIS]
+    names = list(SPECS)
+    starts = [names.index(name) for name in SECTIONS]
+    for title, start, end in zip(SECTIONS.values(), starts, [*starts[1:], None], strict=True):
+        rows = table(SPECS[name] for name in names[start:end])
+        parts.append(f'\n## {title}\n\n{rows}')
+    parts += [TOPICS, ', '.join(f'`{name}`' for name in TOPIC_SPECS), '\n']
+    return ''.join(parts)
+
+
+def table(specs: Iterable[Spec]) -> str:
+    """Return a table of parameters."""
+    rows = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
+    for spec in specs:
+        cells = f'`{spec.name}`', default(spec), spec.unit, allowed(spec), spec.text
+        rows.append('| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |')
+    return '\n'.join(rows) + '\n'
+
+
+def default(spec: Spec) -> str:
+    """Return the default as it is written in YAML."""
+    if spec.required:
+        return '**required**'
+    value = spec.default
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return ', '.join(f'`{item}`' for item in value)
+    if isinstance(value, float):
+        return f'{value:g}'
+    return f'`{value}`' if value else {str: '`""`', list: '`[]`'}.get(spec.kind, '0')
+
+
+def allowed(spec: Spec) -> str:
+    """Return the bounds or the choices."""
+    if spec.name == 'home_type':
+        return '[home types](types/README.md)'
+    if spec.name == 'switches':
+        return 'the names under [Topics](#topics)'
+    if spec.kind is LSType:
+        return '[LS Type](homing.md#limit-switches)'
+    choices = ', '.join(f'`{choice}`' for choice in spec.choices)
+    return choices or spec.bounds.replace('<=', '≤').replace('>=', '≥')
+
+
+if __name__ == '__main__':
+    PAGE.write_text(page())

@@ -1,0 +1,417 @@
+"""The documentation: its links and tables, and every block that a reader may copy.
+
+The commands run against real nodes as far as this goes without the `ros2` command, which is not on
+PyPI: names and types are looked up in the graph, goals are made of the YAML, parameters are set.
+"""
+
+import importlib.util
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import ros_harness as ros
+import yaml
+from homing_interfaces.action import Home
+from rcl_interfaces.srv import DescribeParameters
+from rclpy.action import get_action_names_and_types
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from std_srvs.srv import Trigger
+
+from homing_node.configuration import configuration
+from homing_node.parameters import SPECS
+from homing_node.states import LIMIT_SWITCHES, Error, HomeType, Input, LSType, State
+from homing_node.yaml_file import load, read
+
+ROOT = Path(__file__).resolve().parent.parent
+DOC = ROOT / 'doc'
+PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted(DOC.rglob('*.md'))]
+README = ROOT / 'README.md'
+ROS_INTERFACE = DOC / 'ros_interface.md'
+
+
+class Block(NamedTuple):
+    """A fenced block of a page."""
+
+    page: Path
+    language: str
+    text: str
+    line: int
+
+    @property
+    def id(self):
+        return f'{self.page.name}:{self.line}'
+
+
+def blocks_of(page):
+    text = page.read_text()
+    for found in re.finditer(r'^```(\w*)\n(.*?)^```$', text, re.MULTILINE | re.DOTALL):
+        yield Block(page, found[1], found[2], text.count('\n', 0, found.start()) + 1)
+
+
+BLOCKS = [block for page in PAGES for block in blocks_of(page)]
+
+
+def each(language):
+    found = [b for b in BLOCKS if b.language == language]
+    return pytest.mark.parametrize('block', found, ids=lambda b: b.id)
+
+
+def commands(first):
+    """Return the words of every documented command that begins with these words."""
+    lines = [line for b in BLOCKS if b.language == 'bash' for line in b.text.splitlines()]
+    words = [shlex.split(line, comments=True) for line in lines]
+    return [w for w in words if w[:len(first)] == list(first)]
+
+
+# -- what needs no node ---------------------------------------------------------------------------
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links(page):
+    text = re.sub(r'^```.*?^```$', '', page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r'\]\(([^)\s]+)\)', text):
+        if target.startswith('https://'):
+            continue
+        name, _, anchor = target.partition('#')
+        file = page.parent / name if name else page
+        assert file.exists(), f'{page.name}: {target}'
+        if anchor:
+            titles = re.findall(r'^#+ (.*)$', file.read_text(), re.MULTILINE)
+            anchors = {re.sub(r'[^\w -]', '', t.lower()).replace(' ', '-') for t in titles}
+            assert anchor in anchors, f'{page.name}: {target}'
+
+
+@each('bash')
+def test_shell_syntax(block):
+    subprocess.run(['bash', '-n'], input=block.text, text=True, check=True)
+
+
+@each('python')
+def test_python_compiles(block):
+    compile(block.text, block.id, 'exec')
+
+
+def axes_yaml():
+    """Return README's own axis."""
+    return next(b.text for b in blocks_of(README) if b.language == 'yaml')
+
+
+@each('yaml')
+def test_yaml(block, tmp_path):
+    """A block for the node is a good configuration, by itself or beside README's axis."""
+    file = tmp_path / 'axes.yaml'
+    file.write_text(block.text)
+    if '/**' not in yaml.safe_load(block.text):
+        (parameters,) = yaml.safe_load(block.text).values()
+        assert set(parameters) == {'ros__parameters'}
+    elif 'axes:' in block.text:
+        load(file)
+    else:
+        found = read(file).values
+        file.write_text(axes_yaml())
+        configuration({**read(file).values, **found})
+
+
+def test_make_targets_exist():
+    makefile = (ROOT / 'Makefile').read_text()
+    targets = {words[1] for words in commands(['make'])}
+    assert {'demo', 'test'} <= targets
+    for target in targets:
+        assert re.search(rf'^{target}:', makefile, re.MULTILINE)
+
+
+def test_launch_commands():
+    found = commands(['ros2', 'launch'])
+    assert found
+    for words in found:
+        package, file, *arguments = words[2:]
+        text = (ROOT / 'launch' / file).read_text()
+        assert package == 'homing_node'
+        for argument in arguments:
+            assert re.search(rf"DeclareLaunchArgument\(\s*'{argument.split(':=')[0]}'", text)
+
+
+def test_parameters_page_is_generated():
+    spec = importlib.util.spec_from_file_location('reference', ROOT / 'scripts' / 'reference.py')
+    reference = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(reference)
+    page = reference.page()
+    assert (DOC / 'parameters.md').read_text() == page, 'run `make docs`'
+    for name in SPECS:
+        assert page.count(f'\n| `{name}` |') == 1
+
+
+def rows_of(page, *columns):
+    """Return the first cells of the table with these columns."""
+    head = '| ' + ' | '.join(columns) + ' |\n'
+    _, found, rest = page.read_text().partition(head)
+    assert found, f'{page.name} has no table {columns}'
+    return [line.split('|')[1].strip() for line in rest.split('\n\n')[0].splitlines()[1:]]
+
+
+def names_in(cells):
+    return [name for cell in cells for name in re.findall(r'`([^`]+)`', cell)]
+
+
+def test_every_error_is_explained():
+    found = re.findall(r'^\| `(\w+)` \|', (DOC / 'errors.md').read_text(), re.MULTILINE)
+    assert sorted(found) == sorted(Error)
+
+
+def test_every_state_is_explained():
+    assert sorted(names_in(rows_of(DOC / 'homing.md', 'state', 'the axis'))) == sorted(State)
+
+
+def test_every_limit_switch_type_is_explained():
+    assert sorted(names_in(rows_of(DOC / 'homing.md', 'LS Type', 'action'))) == sorted(LSType)
+
+
+def test_every_parameter_that_is_named_exists():
+    text = ''.join(page.read_text() for page in PAGES if page.name != 'parameters.md')
+    prefixes = ('homing_', 'home_', 'max_', 'invert_', 'switch_', 'mechanical_end_detection_')
+    known = {*SPECS, *Input, 'homing_node', 'homing_interfaces', 'home_sequence',
+             'home_position_raw', 'home_offset', 'home_types'}
+    named = {name for name in re.findall(r'`([a-z_]+)`', text) if name.startswith(prefixes)}
+    assert named - known == set()
+
+
+def test_every_python_file_that_is_named_exists():
+    existing = {path.name for folder in ('homing_node', 'test', 'scripts')
+                for path in (ROOT / folder).glob('*.py')}
+    for page in PAGES:
+        named = set(re.findall(r'(?<![\w.])(\w+\.py)\b', page.read_text()))
+        assert named <= existing, page.name
+
+
+def test_number_of_home_types():
+    assert f'{len(HomeType)} home types' in README.read_text()
+    assert f'{len(HomeType)} home types' in (ROOT / 'CHANGELOG.rst').read_text()
+
+
+# -- the commands, with the demo's nodes ----------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def demo(tmp_path_factory):
+    config = ROOT / 'config'
+    with ros.World(tmp_path_factory.mktemp('demo'), (config / 'demo.yaml').read_text(),
+                   (config / 'simulated_axes.yaml').read_text()) as world:
+        yield world
+
+
+def types(world, names_and_types, *arguments):
+    """Return a function that looks up the type of a name in the graph."""
+    return lambda name: dict(names_and_types(*arguments)).get(name, [None])[0]
+
+
+def test_service_calls(demo):
+    look = types(demo, demo.client.node.get_service_names_and_types)
+    found = commands(['ros2', 'service', 'call'])
+    assert found
+    for words in found:
+        name, kind = words[3:5]
+        demo.client.until(lambda n=name: look(n), what=name)
+        assert look(name) == kind
+
+
+def test_action_goals(demo):
+    look = types(demo, get_action_names_and_types, demo.client.node)
+    found = commands(['ros2', 'action', 'send_goal'])
+    assert found
+    for words in found:
+        name, kind, goal = [word for word in words[3:] if not word.startswith('-')]
+        demo.client.until(lambda n=name: look(n), what=name)
+        assert look(name) == kind
+        assert set(Home.Goal(**yaml.safe_load(goal)).axes) <= {'x', 'y', 'z'}
+
+
+def test_topics(demo):
+    look = types(demo, demo.client.node.get_topic_names_and_types)
+    found = commands(['ros2', 'topic', 'echo'])
+    assert found
+    for words in found:
+        demo.client.until(lambda n=words[3]: look(n), what=words[3])
+
+
+def test_parameter_commands(demo):
+    for words in commands(['ros2', 'param']):
+        verb, node, name, *value = words[2:]
+        assert node == demo.client.target
+        if verb == 'set':
+            result = demo.client.set(**{name.replace('.', '__'): yaml.safe_load(value[0])})
+            assert result.successful, result.reason
+        else:
+            assert verb == 'describe'
+            answer = demo.client.ask(DescribeParameters, 'describe_parameters', names=[name])
+            assert answer.descriptors[0].description
+
+
+def test_only_commands_that_are_tested():
+    tested = ('run', 'launch', 'service call', 'action send_goal', 'topic echo', 'param set',
+              'param describe')
+    for words in commands(['ros2']):
+        assert ' '.join(words[1:]).startswith(tested), words
+
+
+@each('python')
+def test_python_homes(block, demo):
+    demo.client.start('z')  # so the node has heard the plant
+    demo.client.trigger('z/cancel')
+    done = subprocess.run(
+        [sys.executable, '-c', block.text], capture_output=True, text=True, timeout=60,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(demo.domain.number),
+             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+    assert done.stdout.startswith('Homed: home_position_raw='), (done.stdout, done.stderr)
+
+
+# -- README's own axis ----------------------------------------------------------------------------
+
+RUNS = commands(['ros2', 'run'])
+INTERFACES = {'~/setpoints': 'trajectory_msgs/msg/JointTrajectory',
+              '~/position_commands': 'std_msgs/msg/Float64MultiArray'}
+
+
+@pytest.mark.parametrize('words', RUNS, ids=lambda words: words[-1])
+def test_run_commands(words, tmp_path):
+    package, executable, ros_args, option, file, *arguments = words[2:]
+    assert (package, ros_args, option, file) == (
+        'homing_node', '--ros-args', '--params-file', 'axes.yaml')
+    assert executable in ros.MAINS
+    with ros.World(tmp_path, axes_yaml(), arguments=arguments) as world:
+        remapped, _, name = arguments[arguments.index('-r') + 1].partition(':=')
+        node = world.client.node
+        publishers = world.client.until(lambda: node.get_publishers_info_by_topic(name))
+        assert [p.topic_type for p in publishers] == [INTERFACES[remapped]]
+
+
+def levels_of(configured, axis):
+    """Return topic → the level of a switch that is off, for every wired switch of an axis."""
+    parameters, topics = configured.axes[axis], configured.topics[axis]
+    return {topics.get(source, f'/homing_node/{axis}/{source}'): parameters.inverted(source)
+            for source in parameters.inputs}
+
+
+QOS_BLOCKS = [b for b in BLOCKS if 'qos_overrides' in b.text]
+
+
+@pytest.mark.parametrize('overridden', [True, False], ids=['overridden', 'plain'])
+@pytest.mark.parametrize('block', QOS_BLOCKS, ids=lambda b: b.id)
+def test_latching_driver(block, overridden, tmp_path):
+    """Levels that were published once, before the node began, are heard with the block only."""
+    text = axes_yaml() if block.page == README else (
+        ROOT / 'config' / 'one_axis.yaml').read_text()
+    file = tmp_path / 'axes.yaml'
+    file.write_text(text)
+    configured = load(file)
+    override = tmp_path / 'qos.yaml'
+    override.write_text(block.text)
+    folder = tmp_path / 'run'
+    folder.mkdir()
+    domain = ros.Domain()
+    client = ros.Client(domain)
+    plant = ros.HandPlant(client, **{configured.joints['x']: 0.1})
+    for topic, level in levels_of(configured, 'x').items():
+        plant.set(topic, level)
+    arguments = ['--params-file', str(override)] if overridden else []
+    node = ros.Process('homing_node', folder, domain, text, arguments)
+    client.watch(node)
+    try:
+        heard = client.record_states('x')
+        answers = []
+
+        def answered(*passed_over):
+            """Return the first answer to a home request that is none of these."""
+            if not answers:
+                answers.append(client.send(Trigger, 'x/home'))
+            if answers[0].done():
+                message = answers.pop().result().message
+                return None if message.startswith(passed_over) else message
+            return None
+
+        if overridden:
+            moves = client.until(lambda: answered(*ros.UNHEARD) or any(
+                h.message.state == 'HSSearch' for h in heard))
+            assert moves is True
+            client.trigger('x/cancel')
+            assert client.answer(answers[0]).message.startswith('Canceled: ')
+        else:
+            for _ in range(2):
+                answer = client.until(lambda: answered('FeedbackStale'))
+                assert answer.startswith('SwitchUnknown: ')
+                client.pass_time(0.3)
+    finally:
+        client.watch()
+        node.close()
+        plant.close()
+        client.close()
+        domain.release()
+
+
+# -- the tables of the ROS interface --------------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def wired(tmp_path_factory):
+    """Run a node with one axis and every input that there is."""
+    parameters = ros.node_parameters({'x': {
+        'switches': [str(i) for i in Input], 'near_ls_type': 'Dec', 'external_ls_type': 'Dec'}})
+    with ros.World(tmp_path_factory.mktemp('wired'), parameters) as world:
+        yield world
+
+
+def listed(title):
+    """Return full name → the cells of its row, of the tables below a title."""
+    section = ROS_INTERFACE.read_text().partition(f'## {title}\n')[2].partition('\n## ')[0]
+    found = {}
+    for line in section.splitlines():
+        if line.startswith('| `'):
+            cells = [cell.strip() for cell in line.strip('|').split('|')]
+            for name in re.findall(r'`([^`…]+)`', cells[0]):
+                name = name.replace('~', '/homing_node').replace('<axis>', 'x')
+                found[name if name.startswith('/') else f'/{name}'] = cells
+    return found
+
+
+@pytest.mark.parametrize('title', ['Inputs', 'Outputs'])
+def test_topics_of_the_interface(wired, title):
+    """Types and QoS in the tables are those of the graph."""
+    node = wired.client.node
+    ask = (node.get_subscriptions_info_by_topic if title == 'Inputs'
+           else node.get_publishers_info_by_topic)
+    for name, (_, kind, qos, _) in listed(title).items():
+        ends = wired.client.until(
+            lambda n=name: [e for e in ask(n) if e.node_name == 'homing_node'], what=name)
+        assert [e.topic_type.replace('/msg/', '/') for e in ends] == [kind.strip('`')], name
+        profile = ends[0].qos_profile
+        assert (profile.reliability is ReliabilityPolicy.BEST_EFFORT) == (
+            'best effort' in qos), name
+        assert (profile.durability is DurabilityPolicy.TRANSIENT_LOCAL) == (
+            'transient local' in qos), name
+
+
+def test_no_input_is_missing_in_the_interface(wired):
+    limits = {f'/homing_node/x/{limit}' for limit in LIMIT_SWITCHES}  # told by one row
+    wired.client.until(lambda: limits | set(listed('Inputs')) <= {
+        name for name, _ in wired.client.node.get_topic_names_and_types()})
+    subscribed = {name for name, _ in wired.client.node.get_subscriber_names_and_types_by_node(
+        'homing_node', '/') if name.startswith('/homing_node/')}
+    assert subscribed | {'/joint_states'} == limits | set(listed('Inputs'))
+
+
+def test_services_of_the_interface(wired):
+    node = wired.client.node
+    services = types(wired, node.get_service_names_and_types)
+    actions = types(wired, get_action_names_and_types, node)
+    seen = set()
+    for name, (_, kind, _) in listed('Services and action').items():
+        package, _, short = kind.strip('`').partition('/')
+        look, part = (actions, 'action') if short == 'Home' else (services, 'srv')
+        wired.client.until(lambda n=name, look=look: look(n), what=name)
+        assert look(name) == f'{package}/{part}/{short}'
+        seen.add(name)
+    own = {name for name, _ in node.get_service_names_and_types_by_node('homing_node', '/')
+           if 'parameter' not in name and 'type_description' not in name
+           and '/_action/' not in name}
+    assert own == seen
