@@ -5,7 +5,8 @@ PYTHON ?= python3
 VENV := .venv
 PIP := $(VENV)/bin/python -m pip install --quiet --quiet --disable-pip-version-check
 
-CORE := states events motions procedures parameters signals profile machine axis
+CORE := states events motions procedures spec parameters configuration limits signals latches \
+        passes travel profile machine axis request dispatch stamps
 CORE_FILES := $(wildcard $(CORE:%=homing_node/%.py))
 
 # A ROS installation that happens to be sourced must not leak into .venv.
@@ -13,7 +14,7 @@ unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON
 # Processes that are started here neither hear nor disturb ROS nodes of other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help venv demo lint test docs clean
+.PHONY: help venv demo lint test bench bench-accuracy docs clean
 .DELETE_ON_ERROR:
 
 help:
@@ -21,6 +22,7 @@ help:
 	@echo 'make demo    home simulated axes and show what happens'
 	@echo 'make test    lint, then run all tests'
 	@echo 'make lint    ruff, and mypy --strict on the core'
+	@echo 'make bench   measure how fast it is (ten minutes); make bench-accuracy: how exact'
 	@echo 'make docs    make the generated pages of doc/ again'
 	@echo 'make clean   remove $(VENV) and everything generated'
 	@echo 'PYTHON=python3.12 make venv   use another interpreter'
@@ -34,6 +36,12 @@ lint: venv
 
 test: lint
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest
+
+bench: venv
+	@$(VENV)/bin/python bench
+
+bench-accuracy: venv
+	@$(VENV)/bin/python bench accuracy
 
 docs: venv
 	$(VENV)/bin/python scripts/docs.py

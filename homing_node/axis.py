@@ -6,6 +6,7 @@ the setpoint while a run is on. Raw positions outside, the *toward* frame inside
 homing direction is applied here, once. SI units; times in s of one monotonic clock.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,14 +15,18 @@ from .machine import Machine
 from .motions import Way
 from .parameters import AxisParameters, switch_inputs
 from .profile import Profile
-from .signals import Edge, Switch, Track
+from .signals import FALLBACK_DOUBT, Edge, Switch, Track
 from .states import LIMIT_SWITCHES, Error, HomeType, Input, State
 
 #: Longest wait for the feedback to settle after the command has come to rest, s.
 SETTLE_TIMEOUT = 0.5
-#: The feedback has settled once it moved less than slow velocity x SETTLE_TRAVEL in SETTLE_TIME.
+#: The feedback has settled once it moved less than slow velocity x SETTLE_TRAVEL in SETTLE_TIME,
+#: and in no fewer than SETTLE_SAMPLES samples, all of them taken with the command at rest.
 SETTLE_TIME = 0.01
 SETTLE_TRAVEL = 1e-4
+SETTLE_SAMPLES = 3
+#: More bounces of one switch in a run are worth a warning.
+MANY_BOUNCES = 10
 
 
 class Setpoint(NamedTuple):
@@ -34,13 +39,23 @@ class Setpoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended (or why a request was refused), and where home is, raw, m."""
+    """How a run ended (or why a request was refused), and where home is, raw, m.
+
+    ``passes_range`` and ``passes_deviation`` (standard deviation) in m are those of the ``passes``
+    over the reference; ``index_margin`` the distance from the arming edge to the first Z-pulse in
+    pitches, None where it is not known.
+    """
 
     error: Error
     message: str = ''
     home_position_raw: float = 0.0
     home_offset: float = 0.0
     uncertainty: float = 0.0
+    passes: int = 0
+    passes_range: float = 0.0
+    passes_deviation: float = 0.0
+    index_margin: float | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def success(self) -> bool:
@@ -72,6 +87,7 @@ class Axis:
         self._rest: tuple[float, float] | None = None  # last command and the feedback there, raw
         self._settling_since: float | None = None
         self._moved = False
+        self._bounces: dict[Input, int] = {}  # when the run began
         self._sign = 1.0
         self.parameters = parameters
         self.configure(parameters)
@@ -96,32 +112,51 @@ class Axis:
 
     # ------------------------------------------------------------------------------------- inputs
 
-    def feedback(self, time: float, position: float, arrival: float | None = None) -> None:
-        """Take a feedback sample: its sampling time, raw position, and when it arrived."""
+    def feedback(
+        self, time: float, position: float, arrival: float | None = None, sure: bool = True
+    ) -> None:
+        """Take a feedback sample: its sampling time, raw position, and when it arrived.
+
+        A time that is not ``sure`` is that of the arrival.
+        """
         if self._track.append(time, self._sign * position):
             self.arrival = time if arrival is None else arrival
+            if not sure:
+                self._track.doubted = time
 
     def switch(
-        self, switch: Input, time: float, signal: bool, arrival: float | None = None
+        self,
+        switch: Input,
+        time: float,
+        signal: bool,
+        arrival: float | None = None,
+        sure: bool = True,
     ) -> None:
-        """Take a level as it is on the wire, and its time; an input not wired is ignored."""
+        """Take a level as it is on the wire, and its time; an input not wired is ignored.
+
+        A time that is not ``sure`` is that of the arrival.
+        """
         known = self._switches.get(switch)
         if known is None:
             return
+        p = self.parameters
         edge = known.set(
-            time - self.parameters.switch_latency, signal, time if arrival is None else arrival)
+            time - p.switch_latency, signal, time if arrival is None else arrival,
+            p.switch_stamp_error if sure else FALLBACK_DOUBT)
         if edge is not None:
             self._take(edge)
 
     def latch(self, source: Input, position: float) -> None:
-        """Take a latched raw position of the Z-pulse or the touch probe."""
-        if self.machine is not None and source in self.parameters.inputs:
+        """Take a latched raw position of the Z-pulse or the touch probe; nonsense is ignored."""
+        wired = source in self.parameters.inputs
+        if self.machine is not None and wired and math.isfinite(position):
             self.machine.latch(source, self._sign * position)
 
     def enable(self, enabled: bool) -> None:
         """Take the drive's own servo state."""
         self.servo_enabled = enabled
         if not enabled and Input.SERVO_ENABLED in self.parameters.inputs:
+            self._rest = None
             if self.parameters.clear_home_done_on_servo_off:
                 self.homed = False
             self._fail(Error.ServoOff, 'the drive switched its servo off', Action(None))
@@ -192,9 +227,15 @@ class Axis:
         self._commands = Track()
         self._moved = False
         self._settling_since = None
+        self._bounces = {name: switch.bounces for name, switch in self._switches.items()}
         self.machine = Machine(p, self.profile, self._switches, now, feedback)
         self.machine.begin()
         return None
+
+    def warn(self, text: str) -> None:
+        """Note what the user should know of the run that is on, once."""
+        if self.machine is not None:
+            self.machine.warn(text)
 
     def cancel(self) -> None:
         """Stop the run, if one is on, with the active profile."""
@@ -220,6 +261,7 @@ class Axis:
         """Set the servo that we want; off ends a run without a further setpoint."""
         self.servo_on = on
         if not on:
+            self._rest = None
             if self.parameters.clear_home_done_on_servo_off:
                 self.homed = False
             self._fail(Error.ServoOff, 'the servo was switched off', Action(None, True))
@@ -241,7 +283,9 @@ class Axis:
         self._test_inputs(now)
         if self._unresolved:
             track = self._edge_track
-            self._unresolved = [e for e in self._unresolved if not e.locate(track)]
+            for edge in self._unresolved:
+                edge.locate(track)
+            self._unresolved = [edge for edge in self._unresolved if not edge.resolved]
         if self._waiting:
             self._hand_over(machine)
         machine.update(now, self._track.position)
@@ -312,12 +356,15 @@ class Axis:
         while self._waiting:
             edge = self._waiting[0]
             located = edge.locate(track)
-            edge.way = machine.way_at(min(edge.time, track.time), track)
-            if not located:
-                # While the axis plainly goes toward, an edge need not wait for the feedback.
-                if not edge.way == machine.row.motion.way == Way.TOWARD:
-                    return
+            way = machine.way_at(min(edge.time, track.time), track)
+            if way is None:
+                return
+            # While the axis plainly goes toward, an edge need not wait for the feedback.
+            if not located and not way == machine.row.motion.way == Way.TOWARD:
+                return
+            if not edge.resolved:
                 self._unresolved.append(edge)
+            edge.way = way
             del self._waiting[0]
             machine.edge(edge)
 
@@ -348,7 +395,9 @@ class Axis:
         p = self.parameters
         if self._rest is not None and p.home_type is not HomeType.CurrentPos:
             command, rest = self._rest
-            if abs(self._sign * feedback - rest) <= p.homing_velocity_slow * self.period:
+            moved = abs(self._sign * feedback - rest)
+            behind = abs(command - rest)
+            if moved <= p.homing_velocity_slow * self.period and behind <= p.following_error_limit:
                 return self._sign * command
         return feedback
 
@@ -361,24 +410,29 @@ class Axis:
 
     def _finish(self, now: float) -> Setpoint | None:
         """End the run; a home waits until the feedback has settled."""
-        machine, p = self.machine, self.parameters
+        machine = self.machine
         assert machine is not None
         if not machine.stopping:
             if self._settling_since is None:
                 self._settling_since = now
-            since = now - self._settling_since
-            travel = SETTLE_TRAVEL * p.homing_velocity_slow
-            settled = since >= SETTLE_TIME and self._track.spread(now - SETTLE_TIME) <= travel
-            if self._moved and not settled and since < SETTLE_TIMEOUT:
+            if (self._moved and now - self._settling_since < SETTLE_TIMEOUT
+                    and not self._settled(self._settling_since)):
                 return self._setpoint(now)
         self.outcome = self._outcome(machine)
         self.homed = self.outcome.success
         self.machine = None
-        self._rest = (self._sign * self.profile.position, self.raw_position)
         if machine.servo_off:
             self.servo_on = False
-            self._rest = None
+        self._rest = None if machine.silent or machine.servo_off else (
+            self._sign * self.profile.position, self.raw_position)
         return self._setpoint(now) if self._moved and not machine.silent else None
+
+    def _settled(self, since: float) -> bool:
+        """Tell whether the feedback has stopped changing, the command being at rest since then."""
+        track = self._track
+        begin = track.time - max(SETTLE_TIME, SETTLE_SAMPLES * track.interval)
+        travel = SETTLE_TRAVEL * self.parameters.homing_velocity_slow
+        return begin >= since and track.spread(begin) <= travel
 
     def _outcome(self, machine: Machine) -> Outcome:
         if machine.error is not Error.NoError or machine.reference is None:
@@ -386,7 +440,18 @@ class Axis:
         p, mark = self.parameters, machine.reference
         raw = self._sign * mark.position
         offset = raw + self._sign * p.home_shift_distance - p.home_position
-        return Outcome(Error.NoError, '', raw, offset, mark.uncertainty)
+        passes = machine.passes
+        return Outcome(
+            Error.NoError, '', raw, offset, mark.uncertainty, len(passes.fine), passes.range,
+            passes.deviation, machine.index_margin, self._warnings(machine))
+
+    def _warnings(self, machine: Machine) -> tuple[str, ...]:
+        """Return what the run's user should know, bouncing switches included."""
+        for switch in self._switches.values():
+            bounces = switch.bounces - self._bounces.get(switch.input, 0)
+            if bounces > MANY_BOUNCES:
+                machine.warn(f'{switch.input.text} bounced {bounces} times')
+        return tuple(machine.warnings)
 
     def _refused(self, error: Error, text: str) -> Outcome:
         return Outcome(error, f'axis {self.name}: {text}')

@@ -10,10 +10,14 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
-from .parameters import REQUIRED, SPECS, AxisParameters, InvalidParameters, Spec, axis_parameters
+from .parameters import SPECS, AxisParameters, axis_parameters
+from .spec import REQUIRED, InvalidParameters, Spec
 from .states import Input, Word
 
 AXIS_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+
+#: A topic: absolute, relative, or under the node's name (~/).
+TOPIC_NAME = re.compile(r'(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 #: Names under the node's own that an axis must not take.
 RESERVED = frozenset({
@@ -47,9 +51,19 @@ NODE_SPECS: Mapping[str, Spec] = {spec.name: spec for spec in (
          '(empty: one after another)', list, name='home_sequence', default=[]),
 )}
 
+class TopicSpec(Spec):
+    """The name of a topic; '' is the default's."""
+
+    def convert(self, value: object) -> Any:
+        topic = super().convert(value)
+        if topic and not TOPIC_NAME.fullmatch(topic):
+            raise ValueError(f'{self.name}: {topic!r} is not the name of a topic')
+        return topic
+
+
 TOPIC_SPECS: Mapping[str, Spec] = {
-    f'topics.{name}': Spec(f'topic of {name} (empty: ~/<axis>/{name})', str,
-                           name=f'topics.{name}', default='')
+    f'topics.{name}': TopicSpec(f'topic of {name} (empty: ~/<axis>/{name})', str,
+                                name=f'topics.{name}', default='')
     for name in Input
 }
 
@@ -90,13 +104,17 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
             faults.append(str(error))
     names = node.get('axes', [])
     faults += _bad_names(names)
-    axes, topics = {}, {}
+    axes: dict[str, AxisParameters] = {}
+    topics: dict[str, dict[Input, str]] = {}
     for axis in names:
         own = {name.removeprefix(f'{axis}.'): value for name, value in values.items()
                if name.startswith(f'{axis}.')}
-        topics[axis] = {
-            Input(name.removeprefix('topics.')): str(own.pop(name))
-            for name in TOPIC_SPECS if own.get(name)}
+        topics[axis] = {}
+        for name in (name for name in TOPICS if own.get(name) is not None):
+            try:
+                topics[axis][TOPICS[name]] = TOPIC_SPECS[name].convert(own[name])
+            except ValueError as error:
+                faults.append(f'{axis}.{error}')
         own = {name: value for name, value in own.items() if name not in TOPIC_SPECS}
         try:
             axes[axis] = axis_parameters(own, axis)
@@ -143,7 +161,7 @@ def check_axis_values(axis: str, values: Mapping[str, object]) -> tuple[str, ...
     return ()
 
 
-def check_node_value(name: str, value: object, axes: list[str]) -> None:
+def check_node_value(name: str, value: Any, axes: list[str]) -> None:
     """Check one of the node's own parameters; raises ValueError that says what is wrong."""
     value = _node_value(NODE_SPECS[name], value)
     if name == 'home_sequence':

@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from .axis import Axis, Outcome, Setpoint
-from .parameters import Spec
+from .spec import Spec
 from .states import Error
 
 NS = 1_000_000_000
@@ -94,10 +94,18 @@ def home_message(outcomes: Sequence[Outcome]) -> str:
     failed = [outcome for outcome in outcomes if not outcome.success]
     if failed:
         return f'{failed[0].error}: {failed[0].message}'
-    return 'Homed: ' + '; '.join(
-        f'home_position_raw={outcome.home_position_raw:.9g} '
-        f'home_offset={outcome.home_offset:.9g} uncertainty={outcome.uncertainty:.3g}'
-        for outcome in outcomes)
+    return 'Homed: ' + '; '.join(_home_text(outcome) for outcome in outcomes)
+
+
+def _home_text(outcome: Outcome) -> str:
+    text = (f'home_position_raw={outcome.home_position_raw!r} '
+            f'home_offset={outcome.home_offset!r} uncertainty={outcome.uncertainty:.3g}')
+    if outcome.passes > 1:
+        text += (f' passes={outcome.passes} range={outcome.passes_range:.3g} '
+                 f'deviation={outcome.passes_deviation:.3g}')
+    if outcome.index_margin is not None:
+        text += f' index_margin={outcome.index_margin:.3f}'
+    return ' | warning: '.join([text, *outcome.warnings])
 
 
 def axis_state(stamp: int, axis: Axis) -> AxisState:

@@ -91,6 +91,17 @@ class Dispatch:
         for request, _ in self._active:
             request.cancel()
 
+    def abandon(self, reason: str) -> None:
+        """Answer everyone now, though the axes are not at rest; no update may follow."""
+        self.close()
+        for request, answer in self._active:
+            request.abandon(reason)
+            answer.give()
+        for _, answer in self._canceling:
+            answer.give()
+        self._active.clear()
+        self._canceling.clear()
+
     def update(self, now: float) -> bool:
         """Follow the axes, once a cycle; return whether an answer was given."""
         ended = [entry for entry in self._active if entry[0].update(now)]

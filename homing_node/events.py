@@ -21,6 +21,7 @@ class Event(Word):
     Z_PULSE = 'Z-pulse'
     TOUCH_PROBE = 'touch probe'
     END_DETECTED = 'mechanical end'
+    REPEAT = 'once more'
     DONE = 'done'
 
 

@@ -1,30 +1,36 @@
 """The node's subscriptions, polled by the cycle: messages and their stamps to the axes."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
 from . import convert
 from .axis import Axis, Outcome
-from .stamps import Stamps
+from .stamps import REORDERED, Stamps, too_late
 from .states import LATCHES, Error, Input
 from .timebase import TimeBase
-
-#: Samples of feedback in a row that may have overtaken each other.
-REORDERED = 2
 
 Info = Mapping[str, int]  # what the middleware tells of a message
 Subscribe = Callable[[Any, str, Any], Any]  # (message type, topic, QoS) -> a polled subscription
 
 
-class Wire(NamedTuple):
-    """One wired input of an axis."""
+@dataclass
+class Wire:
+    """One wired input of an axis; ``heard``: its present publisher has told a level."""
 
     source: Input
+    topic: str
+    inverted: bool
+    stamps: Stamps
     subscription: Any
-    take: Callable[[Any, Info], None]
+    heard: bool = False
+
+    @property
+    def name(self) -> str:
+        return f'{self.source} ({self.subscription.topic_name})'
 
 
 class Inputs:
@@ -53,74 +59,99 @@ class Inputs:
         self._wires: dict[str, list[Wire]] = {name: [] for name in axes}
 
     def wire(self, name: str, topics: Mapping[Input, str]) -> None:
-        """Subscribe to the inputs that an axis's parameters name; '' is the input's own topic."""
-        axis = self._axes[name]
+        """Subscribe to the inputs that an axis's parameters name; '' is the input's own topic.
+
+        What stays as it is keeps its subscription: nothing it says is missed.
+        """
+        p = self._axes[name].parameters
+        wanted = {source: (topics.get(source) or f'~/{name}/{source}', p.inverted(source))
+                  for source in p.inputs}
+        kept = {}
         for wire in self._wires[name]:
-            self._destroy(wire.subscription)
-        self._wires[name] = []
-        for source in axis.parameters.inputs:
-            kind = Float64 if source in LATCHES else Bool
-            depth = 10 if source is Input.SERVO_ENABLED else 100
-            topic = topics.get(source) or f'~/{name}/{source}'
-            self._wires[name].append(
-                Wire(source, self._subscribe(kind, topic, depth), self._taker(axis, source)))
+            if wanted.get(wire.source) == (wire.topic, wire.inverted):
+                kept[wire.source] = wire
+            else:
+                self._destroy(wire.subscription)
+        self._wires[name] = [kept.get(source) or self._connect(source, *how)
+                             for source, how in wanted.items()]
+        feedback = (stamps for axis, stamps in self._by_joint.values() if axis.name == name)
+        for stamps in (*feedback, *(wire.stamps for wire in self._wires[name])):
+            stamps.limit = p.feedback_timeout
+
+    def _connect(self, source: Input, topic: str, inverted: bool) -> Wire:
+        kind = Float64 if source in LATCHES else Bool
+        depth = 10 if source is Input.SERVO_ENABLED else 100
+        return Wire(source, topic, inverted, Stamps(0.0), self._subscribe(kind, topic, depth))
 
     def poll(self) -> None:
         """Give every message that has arrived to its axis, the feedback last."""
-        for wires in self._wires.values():
-            for _, subscription, take in wires:
-                _drain(subscription, take)
+        for name, wires in self._wires.items():
+            axis = self._axes[name]
+            for wire in wires:
+                handle, kind = wire.subscription.handle, wire.subscription.msg_type
+                while (taken := handle.take_message(kind, False)) is not None:
+                    self._take(axis, wire, *taken)
         _drain(self._emergency_stop, self._take_emergency_stop)
         _drain(self._feedback, self._take_feedback)
 
     def unready(
         self, name: str, publishers_of: Callable[[str], list[str]]
     ) -> Outcome | None:
-        """Return why an axis's topics forbid a run: too many publishers, or none of a latch.
+        """Return why an axis's topics forbid a run: too many publishers, or what is not heard.
 
         ``publishers_of`` names the nodes that publish a topic.
         """
-        for source, subscription, _ in self._wires[name]:
-            publishers = subscription.get_publisher_count()
-            topic = subscription.topic_name
+        unpublished, unheard = [], []
+        for wire in self._wires[name]:
+            publishers = wire.subscription.get_publisher_count()
             if publishers > 1:
+                topic = wire.subscription.topic_name
                 nodes = ', '.join(publishers_of(topic))
                 return Outcome(Error.PublisherConflict, (
                     f'axis {name}: {publishers} publishers on {topic}: {nodes} (one that was '
                     'killed stays listed for about 20 s)'))
-            if publishers == 0 and source in LATCHES:
-                return Outcome(Error.SwitchUnknown, f'axis {name}: nobody publishes {topic}')
+            if publishers == 0:
+                unpublished.append(wire.name)
+            elif not wire.heard and wire.source not in LATCHES:
+                unheard.append(wire.name)
+        if unpublished:
+            return Outcome(Error.SwitchUnknown,
+                           f'axis {name}: nobody publishes {", ".join(unpublished)}')
+        if unheard:
+            return Outcome(Error.SwitchUnknown,
+                           f'axis {name}: no message yet from {", ".join(unheard)}')
         return None
 
     def watch(self) -> None:
-        """End the run of an axis one of whose inputs has lost its publisher."""
+        """Note which inputs have lost their publisher: that ends a run of their axis."""
         for name, axis in self._axes.items():
-            if not axis.running:
-                continue
-            for source, subscription, _ in self._wires[name]:
-                if subscription.get_publisher_count() == 0:
-                    axis.stop(Error.SwitchStale,
-                              f'{source} lost its publisher ({subscription.topic_name})')
+            for wire in self._wires[name]:
+                if wire.subscription.get_publisher_count() == 0:
+                    wire.heard = False  # whoever comes next has to tell the level
+                    if axis.running:
+                        axis.stop(Error.SwitchStale, f'{wire.name} lost its publisher')
 
-    def _taker(self, axis: Axis, source: Input) -> Callable[[Any, Info], None]:
-        """Return what gives a message of an input to the axis."""
-        if source in LATCHES:
-            return lambda message, info: axis.latch(source, float(message.data))
-        if source is Input.SERVO_ENABLED:
-            return lambda message, info: axis.enable(bool(message.data))
-        stamps = Stamps(axis.parameters.feedback_timeout)
-        clock = self._clock
-
-        def take(message: Bool, info: Info) -> None:
+    def _take(self, axis: Axis, wire: Wire, message: Any, info: Info) -> None:
+        """Give a message of an input to the axis."""
+        wire.heard = True
+        if wire.source in LATCHES:
+            axis.latch(wire.source, float(message.data))
+        elif wire.source is Input.SERVO_ENABLED:
+            axis.enable(bool(message.data))
+        else:
+            clock = self._clock
             arrival = stamp = clock.now
             if not clock.simulated:
                 arrival = clock.time_of(info['received_timestamp'])
                 stamp = clock.time_of(info['source_timestamp'])
-            found = stamps.believe(stamp, arrival)
+            found = wire.stamps.believe(stamp, arrival)
             if found is not None:
-                axis.switch(source, found[0], bool(message.data), arrival)
-
-        return take
+                time, sure = found
+                if wire.stamps.late:
+                    axis.stop(Error.SwitchStale, too_late(wire.name, wire.stamps))
+                axis.switch(wire.source, time, bool(message.data), arrival, sure)
+                if not sure:
+                    axis.warn(f'{wire.name}: {wire.stamps.warning}')
 
     def _take_emergency_stop(self, message: Bool, _: Info) -> None:
         for axis in self._axes.values():
@@ -140,7 +171,12 @@ class Inputs:
                 axis, stamps = self._by_joint[joint]
                 found = stamps.believe(stamp, arrival)
                 if found is not None:
-                    axis.feedback(found[0], position, arrival)
+                    time, sure = found
+                    if stamps.late:
+                        axis.stop(Error.FeedbackStale, too_late('joint_states', stamps))
+                    axis.feedback(time, position, arrival, sure)
+                    if not sure:
+                        axis.warn(f'joint_states: {stamps.warning}')
 
 
 def _drain(subscription: Any, take: Callable[[Any, Info], None]) -> None:

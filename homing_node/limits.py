@@ -1,9 +1,11 @@
 """What each limit switch of an axis means to a run: which end, which role, which action."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from .motions import Way
 from .parameters import AxisParameters
+from .signals import Edge, Switch
 from .states import LATCHES, LIMIT_PAIRS, Input, LSType, Role, Tier
 
 
@@ -63,3 +65,65 @@ def limits_of(parameters: AxisParameters) -> dict[Input, Limit]:
                 role = Role.IGNORED
             limits[switch] = Limit(switch, tier, way, role, ls_action(ls_type, parameters))
     return limits
+
+
+class LimitSwitches:
+    """The limit switches of a run: their levels, and where they rose and fell.
+
+    Positions are in the *toward* frame, m or rad.
+    """
+
+    def __init__(self, parameters: AxisParameters, switches: Mapping[Input, Switch]) -> None:
+        self._limits = limits_of(parameters)
+        self._switches = switches
+        self._bounce_distance = parameters.bounce_distance
+        self._rises: dict[Input, Edge] = {}
+        self._left: dict[Input, float] = {}
+
+    def get(self, switch: Input) -> Limit | None:
+        return self._limits.get(switch)
+
+    def remember(self, edge: Edge) -> None:
+        """Remember where the axis came to a limit, should that be a momentary one."""
+        limit = self._limits.get(edge.input)
+        if limit and edge.rises and edge.way * limit.way > 0:
+            self._rises[edge.input] = edge
+
+    def left(self, switch: Input, feedback: float) -> None:
+        """Remember where a limit fell."""
+        self._left[switch] = feedback
+
+    def bounces(self, switch: Input, feedback: float) -> bool:
+        """Tell whether a limit that rises has just been left here."""
+        left = self._left.get(switch)
+        return left is not None and abs(feedback - left) <= self._bounce_distance
+
+    def pair_on(self) -> tuple[Input, Input] | None:
+        """Return a pair whose two limits are on together, if there is one."""
+        for pair in LIMIT_PAIRS.values():
+            if all(switch in self._limits and self._on(switch) for switch in pair):
+                return pair
+        return None
+
+    def reversing(self, feedback: float) -> bool:
+        """Tell whether the axis is on a limit that means the reversal, or beyond it."""
+        return any(limit.role is Role.REVERSAL and self._reached(limit, feedback)
+                   for limit in self._limits.values())
+
+    def blocking(self, way: Way, home: bool, feedback: float) -> Limit | None:
+        """Return the limit that forbids a motion that way; ``home``: to the home position."""
+        for limit in self._limits.values():
+            forbids = home or (limit.role is Role.NORMAL and limit.action is not None)
+            if (limit.way is way and limit.role is not Role.IGNORED and forbids
+                    and self._reached(limit, feedback)):
+                return limit
+        return None
+
+    def _on(self, switch: Input) -> bool:
+        return self._switches[switch].level is True
+
+    def _reached(self, limit: Limit, feedback: float) -> bool:
+        """Tell whether the axis is on a limit, or beyond where it rose (a momentary one)."""
+        rise = self._rises.get(limit.input)
+        return self._on(limit.input) or (
+            rise is not None and (feedback - rise.position) * limit.way > 0.0)

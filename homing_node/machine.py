@@ -12,13 +12,14 @@ from typing import NamedTuple
 
 from .events import CONDITIONS, Event
 from .latches import Latches
-from .limits import Action, Limit, limits_of
+from .limits import Action, Limit, LimitSwitches
 from .motions import Kind, Way
 from .parameters import AxisParameters
-from .procedures import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, SECOND_HS_SEARCH, Row, Step
+from .passes import Passes
+from .procedures import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Row, Step
 from .profile import Pace, Profile
 from .signals import Edge, Mark, Switch, Track
-from .states import LIMIT_PAIRS, Error, Input, Role, State
+from .states import Error, IndexMarginAction, Input, Role, State
 from .travel import Fault, Leg, Rules
 
 
@@ -29,7 +30,7 @@ class Turnoff(NamedTuple):
     edge: Edge
     cause: Mark
     reversed: bool
-    first_pass: Mark | None
+    coarse_pass: Mark | None
 
 
 class Machine:
@@ -65,7 +66,7 @@ class Machine:
         self.arrows: list[tuple[Step, Event]] = []
 
         self._switches = switches
-        self._limits = limits_of(parameters)
+        self._limits = LimitSwitches(parameters, switches)
         target = self.procedure.target
         self._target = parameters.limit_switch(target, Way.TOWARD) if target else None
         self._paces = {row.motion.pace: Pace(*parameters.pace(row.motion.pace))
@@ -78,12 +79,11 @@ class Machine:
         self._turnoff: Turnoff | None = None
         self._further = False  # the homing reverse distance has a target
         self._reversed = False  # the one reversal is used up
-        self._first_pass: Mark | None = None
-        self._second_pass = False
         self._last_toward: dict[tuple[Input, bool], Edge] = {}
-        self._limit_rises: dict[Input, Edge] = {}
-        self._left_behind: dict[Input, float] = {}
         self._latches = Latches(parameters)
+        self.passes = Passes(parameters)
+        self.index_margin: float | None = None
+        self.warnings: list[str] = []
         self._end_since = math.inf
         self._paused_at = now
         self._stop_deceleration = 0.0
@@ -102,20 +102,17 @@ class Machine:
         """Distance from the turning point, and what bounds it, m."""
         return abs(self.feedback - self._leg.feedback), self._rules.distance
 
-    def way_at(self, time: float, track: Track) -> Way:
-        """Return how the axis traveled at a time that the track covers."""
+    def way_at(self, time: float, track: Track) -> int | None:
+        """Return the sign of the travel at a time that the track covers, None if not yet known."""
         return self._leg.way_at(time, track)
 
     # --------------------------------------------------------------------------- what happens
 
     def begin(self) -> None:
         """Enter the first row; what the start position changes is decided before any motion."""
-        if len(self.procedure.events) > 1:  # CurrentPos asks no limit
-            for pair in LIMIT_PAIRS.values():
-                if all(self._on(switch) for switch in pair):
-                    self._fail_both_on(pair)
-                    return
-        self._enter(self.procedure.first, Mark(self.feedback))
+        searches = len(self.procedure.events) > 1  # CurrentPos does not, and asks no limit
+        if not (searches and self._both_on()):
+            self._enter(self.procedure.first, Mark(self.feedback))
 
     def edge(self, edge: Edge) -> None:
         """Take an edge whose way of travel is known.
@@ -125,18 +122,17 @@ class Machine:
         """
         if edge.way > 0:
             self._last_toward[edge.input, edge.rises] = edge
-        limit = self._limits.get(edge.input)
-        if limit and edge.rises and edge.way * limit.way > 0:
-            self._limit_rises[edge.input] = edge
+        self._limits.remember(edge)
         if self.stopping:
             return
         rises, falls, on = self._events_of(edge.input)
-        event, left = rises if edge.rises else falls, self._turnoff
+        event = rises if edge.rises else falls
+        left = self._turnoff
         if left and event and edge.order < left.edge.order:
             row = self.procedure.rows[left.step]
             if event in row.on and self._counts(edge, row):
                 self.step, self.row, self._cause = left.step, row, left.cause
-                self._reversed, self._first_pass = left.reversed, left.first_pass
+                self._reversed, self.passes.coarse = left.reversed, left.coarse_pass
         if event and event in self.row.on and self._counts(edge, self.row):
             self._advance(event, edge)
         elif edge.rises and on and on in self.row.on and self._on(edge.input):
@@ -148,13 +144,7 @@ class Machine:
         The reversal and the reference are left to :meth:`edge`; all else is decided here.
         """
         limit = self._limits.get(switch)
-        if limit is None:
-            return
-        pair = LIMIT_PAIRS[limit.tier]
-        if all(self._on(one) for one in pair):
-            self._fail_both_on(pair)
-            return
-        if limit.role is Role.IGNORED or self._taken_by_table(limit):
+        if limit is None or self._both_on() or self._taken_by_table(limit):
             return
         velocity, action = self.profile.velocity, limit.action
         ahead, into = limit.way is Way.TOWARD, velocity * limit.way > 0.0
@@ -164,7 +154,7 @@ class Machine:
             if action and acts:
                 self._act(action)
         elif not ahead and velocity > 0.0:
-            if not self._bounces_behind(switch):
+            if not self._limits.bounces(switch, self.feedback):
                 self._fail(Fault(
                     Error.LSTriggered, f'the {limit.name} rose while the axis moved toward',
                     'are the limit inputs swapped, or is home_direction wrong?'), action)
@@ -178,7 +168,7 @@ class Machine:
 
     def limit_falls(self, switch: Input) -> None:
         """Remember where a limit was left, so that its bounce is not taken for a hit."""
-        self._left_behind[switch] = self.feedback
+        self._limits.left(switch, self.feedback)
 
     def latch(self, source: Input, position: float) -> None:
         """Take a latched position of the Z-pulse or the touch probe."""
@@ -193,6 +183,11 @@ class Machine:
             self.error, self.message = error, message
             self._end_pause()
         self._act(action or Action(self.parameters.ls_dec))
+
+    def warn(self, text: str) -> None:
+        """Note what the user should know of this run, once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
 
     def cancel(self) -> None:
         """Stop with the active profile."""
@@ -246,29 +241,36 @@ class Machine:
 
     def _advance(self, event: Event, cause: Mark) -> None:
         """Follow an arrow."""
-        self.arrows.append((self.step, event))
-        self._turnoff = Turnoff(
-            self.step, cause, self._cause, self._reversed, self._first_pass,
-        ) if isinstance(cause, Edge) else None
         step = self.row.on[event]
+        if step is HOME_SHIFT and self.passes.add(cause):
+            event = Event.REPEAT
+            step = self.row.on[event]
+        self.arrows.append((self.step, event))
+        self._turnoff = None
+        if isinstance(cause, Edge):
+            self._turnoff = Turnoff(
+                self.step, cause, self._cause, self._reversed, self.passes.coarse)
         if event is Event.LIMIT_AHEAD:
             if self._reversed:
                 self._fail(Fault(
                     Error.LSTriggered, 'a limit ahead was hit for the second time in this run',
                     'is the home switch between the limits, and does it hold its level?'))
                 return
-            self._reversed, self._first_pass = True, None
+            self._reversed = True
+            self.passes.forget()
         if event in (Event.LIMIT_AHEAD, Event.LS_RISES) and self.parameters.immediate_stop_at_ls:
             self.profile.freeze()
         if step is HOMED:
             self.finished = True
             return
-        if step is HOME_SHIFT:
-            self._second_pass = self.step is SECOND_HS_SEARCH
-        elif step is HOME_SHIFT_MOVE and self._not_repeated():
-            return
-        elif event is Event.HS_RISES:
-            self._first_pass = cause
+        if step is HOME_SHIFT_MOVE and self.passes.fine:
+            fault = self.passes.disagreement()
+            if fault is not None:
+                self._fail(fault)
+                return
+            self.reference = self.passes.mean
+        elif event is Event.HS_RISES and step is not HOME_SHIFT:
+            self.passes.coarse = cause
         self._enter(step, cause)
 
     def _enter(self, step: Step, cause: Mark) -> None:
@@ -330,17 +332,31 @@ class Machine:
 
     def _latched(self) -> Event | None:
         """Return the event of a latch beyond the row's edge, else beyond the turning point."""
-        cause = self._cause
-        if not cause.resolved:
+        if not self._cause.resolved:
             return None
-        origin = cause.position if isinstance(cause, Edge) else self._leg.feedback
-        found = self._latches.found(self.row.on, origin, self.row.motion.way, self.feedback)
+        origin = self._cause.position if isinstance(self._cause, Edge) else self._leg.feedback
+        way = self.row.motion.way
+        found = self._latches.found(self.row.on, origin, way, self.feedback)
         if isinstance(found, Fault):
             self._fail(found)
-        elif found is not None:
-            event, self._found = found
-            return event
-        return None
+            return None
+        event, self._found = found or (None, self._found)
+        if event is Event.Z_PULSE and isinstance(self._cause, Edge) and self._too_close(way):
+            return None
+        return event
+
+    def _too_close(self, way: Way) -> bool:
+        """Judge how far the edge that armed the Z-pulse is from it; tell whether the run fails."""
+        action = self.parameters.index_margin_action
+        self.index_margin = margin = self._latches.margin(self._cause.position, way)
+        fault = None if margin is None else self._latches.margin_fault(margin)
+        if fault is None or action is IndexMarginAction.none:
+            return False
+        if action is IndexMarginAction.Warn:
+            self.warn(f'{fault.seen}; {fault.hint}')
+            return False
+        self._fail(fault)
+        return True
 
     def _end_detected(self) -> Event | None:
         """Return the event once the feedback has stayed behind for long enough."""
@@ -354,25 +370,10 @@ class Machine:
         self._found = Mark(self.feedback)
         return Event.END_DETECTED
 
-    def _not_repeated(self) -> bool:
-        """Fail where the second pass disagrees with the first."""
-        first, second, tolerance = self._first_pass, self.reference, self.parameters.edge_agreement
-        if not (self._second_pass and first and second):
-            return False
-        apart = abs(second.position - first.position)
-        if apart <= tolerance:
-            return False
-        self._fail(Fault(
-            Error.EdgeNotRepeated,
-            f'the second pass found the home switch {apart:.6g} m from the first, more than '
-            f'{tolerance:.6g} m (edge_tolerance)', 'noise on the switch, or late messages?'))
-        return True
-
     # ------------------------------------------------------------------------------- the switches
 
     def _on(self, switch: Input) -> bool:
-        found = self._switches.get(switch)
-        return found is not None and found.level is True
+        return switch in self._switches and self._switches[switch].level is True
 
     def _events_of(self, switch: Input) -> tuple[Event | None, Event | None, Event | None]:
         """Return the events of a switch: it rises, it falls, it is on though no rise counted."""
@@ -394,33 +395,27 @@ class Machine:
         if edge.way * row.motion.way <= 0:
             return False
         twin = self._last_toward.get((edge.input, not edge.rises))
-        agreement = self.parameters.edge_agreement
+        p = self.parameters
         if twin is None:
             return True
         if row.motion.way is Way.TOWARD:
-            return edge.rises or edge.position > twin.position + agreement
-        return edge.position <= twin.position + agreement
+            return edge.rises or edge.position > twin.position + p.bounce_distance
+        unsure = twin.uncertainty + edge.uncertainty
+        return edge.position <= twin.position + p.edge_agreement + unsure
 
     def _holds(self, condition: Event) -> bool:
         if condition is Event.HS_ON:
             return self._on(Input.HOME_SWITCH)
         if condition is Event.LS_ON:
             return self._target is not None and self._on(self._target)
-        return any(limit.role is Role.REVERSAL and self._reached(limit)
-                   for limit in self._limits.values())
-
-    def _reached(self, limit: Limit) -> bool:
-        """Tell whether the axis is on a limit, or beyond where it rose (a momentary one)."""
-        rise = self._limit_rises.get(limit.input)
-        return self._on(limit.input) or (
-            rise is not None and (self.feedback - rise.position) * limit.way > 0.0)
+        return self._limits.reversing(self.feedback)
 
     def _taken_by_table(self, limit: Limit) -> bool:
-        """Tell whether a limit's rise is an arrow of the present row."""
-        if limit.input is self._target:
-            return Event.LS_RISES in self.row.on
-        return (limit.role is Role.REVERSAL and Event.LIMIT_AHEAD in self.row.on
-                and not self._reversed)
+        """Tell whether a limit's rise is an arrow of the present row, or nothing."""
+        if limit.role is Role.REVERSAL:
+            return Event.LIMIT_AHEAD in self.row.on and not self._reversed
+        return limit.role is Role.IGNORED or (
+            limit.input is self._target and Event.LS_RISES in self.row.on)
 
     @property
     def _braking(self) -> bool:
@@ -430,25 +425,26 @@ class Machine:
 
     def _heads(self, way: Way) -> bool:
         """Tell whether the present motion goes a way, or is about to."""
-        return (self._leg.way is way and not self.paused
-                and self.row.motion.kind is not Kind.REST)
-
-    def _bounces_behind(self, switch: Input) -> bool:
-        left = self._left_behind.get(switch, -math.inf)
-        return abs(self.feedback - left) <= self.parameters.edge_agreement
+        return self._leg.way is way and not self.paused and self.row.motion.kind is not Kind.REST
 
     def _blocked(self, way: Way) -> bool:
         """Fail where a motion would go into a limit that is on."""
-        home = self.row.motion.kind is Kind.HOME
-        for limit in self._limits.values():
-            normal = limit.role is Role.NORMAL and limit.action is not None
-            if (limit.way is way and limit.role is not Role.IGNORED and (normal or home)
-                    and self._reached(limit)):
-                self._fail(Fault(
-                    Error.LSTriggered, f'the {limit.name} is on; a motion into it is not started',
-                ), limit.action)
-                return True
-        return False
+        limit = self._limits.blocking(way, self.row.motion.kind is Kind.HOME, self.feedback)
+        if limit is None:
+            return False
+        seen = f'the {limit.name} is on; a motion into it is not started'
+        self._fail(Fault(Error.LSTriggered, seen), limit.action)
+        return True
+
+    def _both_on(self) -> bool:
+        """Fail where both limits of a pair are on."""
+        pair = self._limits.pair_on()
+        if pair is None:
+            return False
+        self._fail(Fault(
+            Error.LimitsBothOn, f'{pair[0].text} and {pair[1].text} are on together',
+            'wiring, or polarity (invert_..._ls_polarity)?'))
+        return True
 
     # ------------------------------------------------------------------------------------ endings
 
@@ -466,11 +462,6 @@ class Machine:
         if self.paused:
             self.paused = False
             self._rules.deadline += self.now - self._paused_at
-
-    def _fail_both_on(self, pair: tuple[Input, Input]) -> None:
-        self._fail(Fault(
-            Error.LimitsBothOn, f'{pair[0].text} and {pair[1].text} are on together',
-            'wiring, or polarity (invert_..._ls_polarity)?'))
 
     def _fail(self, fault: Fault, action: Action | None = None) -> None:
         hint = f'; {fault.hint}' if fault.hint else ''

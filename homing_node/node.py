@@ -45,9 +45,10 @@ from .configuration import (
 )
 from .dispatch import Dispatch
 from .inputs import Inputs
-from .parameters import InvalidParameters, axis_parameters
+from .parameters import axis_parameters
 from .reports import Reports
 from .services import Services
+from .spec import InvalidParameters
 from .states import Error, Input
 from .timebase import TimeBase
 
@@ -57,8 +58,8 @@ OVERRIDABLE = QoSOverridingOptions([
     QoSPolicyKind.DURABILITY])
 
 #: Parameters that take effect at the start only.
-FIXED = ('axes', 'update_rate', 'setpoint_interface')
-#: How often the publishers of a running axis are counted, s.
+FIXED = ('axes', 'update_rate', 'setpoint_interface', 'joint')
+#: How often the publishers of the inputs are counted, s.
 WATCH_PERIOD = 0.1
 #: How long the last answers may take to leave after the axes have stopped, s.
 FAREWELL = 1.0
@@ -134,7 +135,8 @@ class HomingNode(Node):
                                    convert.descriptor(spec, read_only=spec.name in FIXED))
         for axis in axes:
             self.declare_parameters(axis, [
-                (name, convert.plain(spec.initial), convert.descriptor(spec))
+                (name, convert.plain(spec.initial),
+                 convert.descriptor(spec, read_only=name in FIXED))
                 for name, spec in AXIS_SPECS.items()])
 
     def _create_publishers(self) -> None:
@@ -199,8 +201,11 @@ class HomingNode(Node):
 
         Checked before rclpy tests the range, which would answer without them.
         """
-        result = self._check_parameters(
-            [parameter for parameter in parameter_list if self.has_parameter(parameter.name)])
+        unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
+        if unknown:  # rclpy would not say which
+            return SetParametersResult(
+                successful=False, reason=f'no such parameter: {", ".join(unknown)}')
+        result = self._check_parameters(parameter_list)
         return super().set_parameters_atomically(parameter_list) if result.successful else result
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -290,10 +295,17 @@ class HomingNode(Node):
 
     def _cycle_loop(self, ended: Callable[[], bool]) -> None:
         clock = self._timebase
+
+        def hopeless() -> bool:
+            return ended() or (self._stop_requested and clock.stands)
+
         due = clock.read()
         while not ended():
             due += self._period
-            clock.sleep_until(due, ended)
+            clock.sleep_until(due, hopeless)
+            if hopeless():
+                self._abandon()
+                return
             late = clock.read() - due
             if late > self._cycle_timeout or late < -self._period:
                 self._stop_all(Error.CycleLate, f'a control cycle was {late:.3f} s late, more '
@@ -307,7 +319,7 @@ class HomingNode(Node):
         setpoints = {}
         with self._lock:
             self._inputs.poll()
-            if not self._dispatch.idle and now - self._watched > WATCH_PERIOD:
+            if now - self._watched > WATCH_PERIOD:
                 self._watched = now
                 self._inputs.watch()
             if self._stop_requested:
@@ -341,6 +353,12 @@ class HomingNode(Node):
                 self._commands[name] = axis.hold_position
         commands = [self._commands[name] for name in self._axes]
         self._position_commands.publish(convert.position_commands(commands))
+
+    def _abandon(self) -> None:
+        """End although axes may not be at rest: where time stands still nothing can stop."""
+        with self._lock:
+            self._dispatch.abandon('the node ended while simulated time stood still')
+        self._finish()
 
     def _stop_all(self, error: Error, text: str) -> None:
         with self._lock:

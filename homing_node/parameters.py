@@ -6,121 +6,26 @@ WMX3 manual's in snake_case.
 """
 
 import dataclasses
-import difflib
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 from .events import Event
 from .motions import Kind, Pace, Way
 from .procedures import PROCEDURES, Procedure
+from .spec import REQUIRED, InvalidParameters, Spec, suggestion
 from .states import (
     LATCHES,
     LIMIT_PAIRS,
     Direction,
     HomeType,
+    IndexMarginAction,
     Input,
     LSDirection,
     LSType,
     Role,
     Tier,
 )
-
-
-class InvalidParameters(ValueError):
-    """Bad parameters; ``faults`` lists every one of them, a line each."""
-
-    def __init__(self, faults: Iterable[str]) -> None:
-        self.faults = tuple(faults)
-        super().__init__('\n'.join(self.faults))
-
-
-REQUIRED: Any = object()
-
-
-@dataclass(frozen=True)
-class Spec:
-    """What is known of one parameter: its kind, unit, bounds and meaning."""
-
-    text: str
-    kind: type
-    unit: str = ''
-    minimum: float = -math.inf
-    maximum: float = math.inf
-    open_minimum: bool = False
-    name: str = ''
-    default: Any = REQUIRED
-
-    @property
-    def required(self) -> bool:
-        return self.default is REQUIRED
-
-    @property
-    def initial(self) -> Any:
-        """The default, None where the parameter is required."""
-        return None if self.required else self.default
-
-    @property
-    def choices(self) -> tuple[str, ...]:
-        return tuple(str(c) for c in self.kind) if issubclass(self.kind, Enum) else ()
-
-    @property
-    def bounds(self) -> str:
-        """Tell the bounds in words, '' where there are none."""
-        parts = []
-        if self.minimum > -math.inf:
-            parts.append(f'{">" if self.open_minimum else ">="} {self.minimum:g}')
-        if self.maximum < math.inf:
-            parts.append(f'<= {self.maximum:g}')
-        return ' and '.join(parts)
-
-    def convert(self, value: object) -> Any:
-        """Return the value as this parameter holds it; raise ValueError that says what is wrong.
-
-        Integers are accepted for real parameters.
-        """
-        if issubclass(self.kind, Enum):
-            if isinstance(value, str) and value in self.choices:
-                return self.kind(value)
-            raise ValueError(
-                f'{self.name}: {value!r} is none of {", ".join(self.choices)}'
-                + _suggestion(value, self.choices))
-        if self.kind is tuple:
-            return self._inputs(value)
-        if self.kind in (int, float) and isinstance(value, int) and not isinstance(value, bool):
-            value = self.kind(value)
-        if not isinstance(value, self.kind) or (self.kind is int and isinstance(value, bool)):
-            kind = {float: 'a number', int: 'an integer', bool: 'true or false'}
-            raise ValueError(
-                f'{self.name}: {value!r} is not {kind.get(self.kind, "a string")}'
-                + (f' ({self.unit})' if self.unit else ''))
-        if isinstance(value, int | float):
-            below = value <= self.minimum if self.open_minimum else value < self.minimum
-            if not math.isfinite(value) or below or value > self.maximum:
-                bounds = self.bounds or 'finite'
-                raise ValueError(f'{self.name}: {value!r} {self.unit} must be {bounds} {self.unit}'
-                                 .replace('  ', ' ').rstrip())
-        return value
-
-    def _inputs(self, value: object) -> tuple[Input, ...]:
-        names = tuple(str(i) for i in Input)
-        if isinstance(value, str) or not isinstance(value, Iterable):
-            raise ValueError(f'{self.name}: {value!r} is not a list of inputs')
-        listed = list(value)
-        for name in listed:
-            if name not in names:
-                raise ValueError(f'{self.name}: {name!r} is none of {", ".join(names)}'
-                                 + _suggestion(name, names))
-        if len(set(listed)) < len(listed):
-            raise ValueError(f'{self.name}: an input is listed twice in {listed}')
-        return tuple(Input(name) for name in listed)
-
-
-def _suggestion(value: object, names: Iterable[str]) -> str:
-    close = difflib.get_close_matches(str(value), list(names), 1)
-    return f'; did you mean {close[0]!r}?' if close else ''
 
 
 def _parameter(kind: type, default: Any, text: str, unit: str = '', **bounds: Any) -> Any:
@@ -144,6 +49,14 @@ def _duration(default: float, text: str) -> Any:
 
 def _flag(default: bool, text: str) -> Any:
     return _parameter(bool, default, text)
+
+
+def _inversion(switch: str) -> Any:
+    return _flag(False, f'{switch}: on when the signal is false')
+
+
+def _separate_ls_type(side: str) -> Any:
+    return _ls_type(LSType.none, f'action of the {side} one with SeparatePositiveLSNegativeLS')
 
 
 def _ls_type(default: LSType, text: str) -> Any:
@@ -182,19 +95,13 @@ class AxisParameters:
         float, 0.0, 'what the axis reads at the end of the final move', 'm')
     max_jerk: float = _positive(10.0, 'm/s^3', 'jerk of every profile')
 
-    invert_hs_polarity: bool = _flag(False, 'home switch: on when the signal is false')
-    invert_positive_ls_polarity: bool = _flag(
-        False, 'positive limit switch: on when the signal is false')
-    invert_negative_ls_polarity: bool = _flag(
-        False, 'negative limit switch: on when the signal is false')
-    invert_near_positive_ls_polarity: bool = _flag(
-        False, 'near positive limit switch: on when the signal is false')
-    invert_near_negative_ls_polarity: bool = _flag(
-        False, 'near negative limit switch: on when the signal is false')
-    invert_external_positive_ls_polarity: bool = _flag(
-        False, 'external positive limit switch: on when the signal is false')
-    invert_external_negative_ls_polarity: bool = _flag(
-        False, 'external negative limit switch: on when the signal is false')
+    invert_hs_polarity: bool = _inversion('home switch')
+    invert_positive_ls_polarity: bool = _inversion('positive limit switch')
+    invert_negative_ls_polarity: bool = _inversion('negative limit switch')
+    invert_near_positive_ls_polarity: bool = _inversion('near positive limit switch')
+    invert_near_negative_ls_polarity: bool = _inversion('near negative limit switch')
+    invert_external_positive_ls_polarity: bool = _inversion('external positive limit switch')
+    invert_external_negative_ls_polarity: bool = _inversion('external negative limit switch')
 
     multiple_z_pulse: int = _parameter(
         int, 0, 'take the n-th Z-pulse (0 and 1: the first)', minimum=0)
@@ -204,6 +111,14 @@ class AxisParameters:
         float, 0.05, 'relative tolerance of z_pulse_distance_check', minimum=0.0, maximum=1.0)
     max_z_pulse_distance: float = _distance(
         0.0, 'bound from the arming edge to the Z-pulse (0: only the search bound)')
+
+    z_pulse_arm_delay: float = _distance(
+        0.0, 'how far beyond the arming edge a Z-pulse must lie to count')
+    index_margin: float = _parameter(
+        float, 0.1, 'least distance of the arming edge from a Z-pulse, as a fraction of the pitch',
+        minimum=0.0, maximum=0.5)
+    index_margin_action: IndexMarginAction = _parameter(
+        IndexMarginAction, IndexMarginAction.Warn, 'what to do below index_margin')
 
     max_hs_on_at_start_reverse_distance: float = _distance(
         0.0, 'bound for clearing a home switch that is on at start (0: only the search bound)')
@@ -220,10 +135,8 @@ class AxisParameters:
     pause_mode: bool = _flag(False, 'pause before each reversal until `continue`')
 
     ls_type: LSType = _ls_type(LSType.Dec, 'action of the hardware limit switches')
-    positive_ls_type: LSType = _ls_type(
-        LSType.none, 'action of the positive one with SeparatePositiveLSNegativeLS')
-    negative_ls_type: LSType = _ls_type(
-        LSType.none, 'action of the negative one with SeparatePositiveLSNegativeLS')
+    positive_ls_type: LSType = _separate_ls_type('positive')
+    negative_ls_type: LSType = _separate_ls_type('negative')
     ls_dec: float = _positive(1.0, 'm/s^2', 'deceleration at limits, faults and emergency stop')
     ls_slow_dec: float = _positive(0.5, 'm/s^2', 'deceleration of the SlowDec actions')
     all_ls_during_homing: bool = _flag(
@@ -231,15 +144,11 @@ class AxisParameters:
     ls_direction: LSDirection = _parameter(
         LSDirection, LSDirection.Normal, 'Reverse swaps the positive and negative limit inputs')
     near_ls_type: LSType = _ls_type(LSType.none, 'action of the near limit switches')
-    near_positive_ls_type: LSType = _ls_type(
-        LSType.none, 'action of the near positive one with SeparatePositiveLSNegativeLS')
-    near_negative_ls_type: LSType = _ls_type(
-        LSType.none, 'action of the near negative one with SeparatePositiveLSNegativeLS')
+    near_positive_ls_type: LSType = _separate_ls_type('near positive')
+    near_negative_ls_type: LSType = _separate_ls_type('near negative')
     external_ls_type: LSType = _ls_type(LSType.none, 'action of the external limit switches')
-    external_positive_ls_type: LSType = _ls_type(
-        LSType.none, 'action of the external positive one with SeparatePositiveLSNegativeLS')
-    external_negative_ls_type: LSType = _ls_type(
-        LSType.none, 'action of the external negative one with SeparatePositiveLSNegativeLS')
+    external_positive_ls_type: LSType = _separate_ls_type('external positive')
+    external_negative_ls_type: LSType = _separate_ls_type('external negative')
 
     mechanical_end_detection_pos_diff: float = _distance(
         0.0, 'command minus feedback that means the mechanical end')
@@ -261,6 +170,8 @@ class AxisParameters:
         0.0, 'largest age of a periodically published switch (0: published on change only)')
     switch_latency: float = _duration(
         0.0, "the switch driver's own delay before publishing, taken off the edge's time")
+    switch_stamp_error: float = _duration(
+        0.001, "how far a switch's stamp may be from its edge; for `uncertainty`")
     feedback_timeout: float = _positive(0.2, 's', 'largest age of the feedback')
 
     following_error: float = _distance(
@@ -271,6 +182,12 @@ class AxisParameters:
     edge_tolerance: float = _distance(
         0.0, 'how far the second pass may be from the first '
              '(0: homing_velocity_fast x 0.005 s)')
+
+    repeat: int = _parameter(
+        int, 1, 'number of slow passes over the reference; home is their mean', minimum=1,
+        maximum=100)
+    repeat_tolerance: float = _distance(
+        0.0, 'largest spread of the passes (0: edge_tolerance)')
 
     clear_home_done_on_servo_off: bool = _flag(True, 'servo off: the axis is no longer homed')
     clear_home_done_on_comm_stop: bool = _flag(
@@ -307,12 +224,25 @@ class AxisParameters:
         return self.wrong_direction_distance or 0.01 * self.travel
 
     @property
+    def bounce_distance(self) -> float:
+        """How far a switch's contacts may bounce: 5 ms at the fast velocity, m."""
+        return 0.005 * self.homing_velocity_fast
+
+    @property
     def edge_agreement(self) -> float:
-        return self.edge_tolerance or 0.005 * self.homing_velocity_fast
+        return self.edge_tolerance or self.bounce_distance
+
+    @property
+    def repeat_agreement(self) -> float:
+        """The largest spread of repeated passes, m."""
+        return self.repeat_tolerance or self.edge_agreement
 
     @property
     def run_timeout(self) -> float:
-        """The bound of a whole run, s: every motion of the table twice (the reversal), + 50 %."""
+        """The bound of a whole run, s: every motion of the table twice (the reversal), + 50 %.
+
+        A pass more is every motion once more.
+        """
         if self.timeout:
             return self.timeout
         needed = 0.0
@@ -327,7 +257,7 @@ class AxisParameters:
             ramps = velocity / acceleration + velocity / deceleration
             jerks = (acceleration + deceleration) / self.max_jerk
             needed += distance / velocity + ramps + 2 * jerks
-        return 1.5 * (2 * needed + self.mechanical_end_detection_time + 0.5)
+        return 1.5 * ((1 + self.repeat) * needed + self.mechanical_end_detection_time + 0.5)
 
     def ls_types(self, tier: Tier) -> tuple[LSType, LSType]:
         """Return the actions of the positive and the negative input of a pair."""
@@ -382,6 +312,9 @@ class AxisParameters:
             faults.append(f'home_shift_distance: {self.home_shift_distance:g} m must be within '
                           f'+-travel, {self.travel:g} m')
         procedure = self.procedure
+        if self.repeat > 1 and Event.REPEAT not in procedure.events:
+            faults.append(f'repeat: {self.repeat} must be 1 for {self.home_type}, which has no '
+                          'slow pass over a switch or probe (HSHS and HSTouchProbe do)')
         homes_on_limit = Role.REFERENCE in procedure.limits_ahead.values()
         if homes_on_limit and self.home_shift_distance > 0:
             faults.append(f'home_shift_distance: {self.home_shift_distance:g} m must be <= 0 m '
@@ -430,7 +363,7 @@ def axis_parameters(values: Mapping[str, object], axis: str = '') -> AxisParamet
     faults, good = [], {}
     for name, value in values.items():
         if name not in SPECS:
-            faults.append(f'{name}: no such parameter' + _suggestion(name, SPECS))
+            faults.append(f'{name}: no such parameter' + suggestion(name, SPECS))
             continue
         try:
             good[name] = SPECS[name].convert(value)

@@ -8,6 +8,7 @@ tables but in machine.py, and is tested before a row's own arrows.
 - The first row of a table is where the procedure begins. A condition (``HS_ON`` ...) is tested
   when its row is entered, so it also tells what the start position changes.
 - The event on the arrow into ``HOME_SHIFT`` is the reference: its position is the home position.
+- ``REPEAT`` takes the place of the arrow into ``HOME_SHIFT`` while passes are left.
 - The event that led into a row is the row's *cause*: a Z-pulse or probe latch counts only beyond
   it, the homing reverse distance is counted from it.
 
@@ -256,6 +257,7 @@ HSHS = homes_on_switch(
         SECOND_HS_SEARCH: Row(TOWARD_SLOW, {
             Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
             Event.HS_ON: HS_CLEAR_REVERSE,
+            Event.REPEAT: HS_CLEAR_REVERSE,
             Event.HS_RISES: HOME_SHIFT,
         }),
     },
@@ -306,6 +308,7 @@ HS_TOUCH_PROBE = homes_on_switch(
         }),
         TOUCH_PROBE_SEARCH: Row(TOWARD_SLOW, {
             Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.REPEAT: HS_CLEAR_REVERSE,
             Event.TOUCH_PROBE: HOME_SHIFT,
         }),
     },

@@ -25,7 +25,8 @@ class Transport:
     """How messages travel: rates in Hz, delays in s.
 
     Every delay is ``delay`` plus a random part of at most ``jitter``; messages of one topic keep
-    their order. ``update_rate`` and ``feedback_rate`` divide 1000 Hz.
+    their order. A switch's stamp is late by a random part of ``stamp_error``. ``update_rate`` and
+    ``feedback_rate`` divide 1000 Hz.
     """
 
     update_rate: float = 250.0
@@ -35,6 +36,7 @@ class Transport:
     latch_delay: float = 0.0
     jitter: float = 0.0
     seed: int = 0
+    stamp_error: float = 0.0
 
 
 DIRECT = Transport()
@@ -101,26 +103,15 @@ class Rehearsal:
         self._order = count()
         self._messages: list[tuple[float, int, Callable[[float], None]]] = []
         self._last_delivery: dict[str, float] = {}
-        for name, level in self.plant.levels().items():
-            self.axis.switch(Input(name), 0.0, level)
-        self.axis.feedback(0.0, self.plant.position)
+        self._introduce()
 
     def cycle(self) -> Setpoint | None:
         """Let the plant run for one period, deliver what is due, update the axis."""
-        for _ in range(self._per_cycle):
-            self._steps += 1
-            for happening in self.plant.step(PLANT_STEP):
-                self.course.happenings.append(happening)
-                self._report(happening)
-            if self._steps % self._per_feedback == 0:
-                self._send_feedback(self._steps * PLANT_STEP, self.plant.position)
-        self.time = self._steps * PLANT_STEP
-        while self._messages and self._messages[0][0] <= self.time:
-            arrival, _, deliver = heapq.heappop(self._messages)
-            deliver(arrival)
+        self._pass_time(self._per_cycle)
+        self._deliver()
         setpoint = self.axis.update(self.time)
         if setpoint is not None:
-            self.plant.follow(setpoint.position, over=self.period)
+            self._command(setpoint)
             self.course.samples.append(
                 Sample(self.time, str(self.axis.state), *setpoint, self.plant.position))
         return setpoint
@@ -152,7 +143,32 @@ class Rehearsal:
             self.course.arrows = machine.arrows
         return self.course
 
+    def _pass_time(self, steps: int) -> None:
+        """Let the plant run; what it tells is on its way."""
+        for _ in range(steps):
+            self._steps += 1
+            for happening in self.plant.step(PLANT_STEP):
+                self.course.happenings.append(happening)
+                self._report(happening)
+            if self._steps % self._per_feedback == 0:
+                self._send_feedback(self._steps * PLANT_STEP, self.plant.position)
+        self.time = self._steps * PLANT_STEP
+
     # ----------------------------------------------------------------------------------- messages
+
+    def _introduce(self) -> None:
+        """Tell the axis where everything stands."""
+        for name, level in self.plant.levels().items():
+            self.axis.switch(Input(name), 0.0, level)
+        self.axis.feedback(0.0, self.plant.position)
+
+    def _deliver(self) -> None:
+        while self._messages and self._messages[0][0] <= self.time:
+            arrival, _, deliver = heapq.heappop(self._messages)
+            deliver(arrival)
+
+    def _command(self, setpoint: Setpoint) -> None:
+        self.plant.follow(setpoint.position, over=self.period)
 
     def _report(self, happening: Happening) -> None:
         time, source, value = happening.time, Input(happening.input), happening.value
@@ -160,8 +176,9 @@ class Rehearsal:
             self._send(source, time + self.transport.latch_delay,
                        lambda arrival: self.axis.latch(source, float(value)))
         else:
-            self._send(source, time + self.transport.switch_delay,
-                       lambda arrival: self.axis.switch(source, time, bool(value), arrival))
+            stamp = time + self._random.uniform(0.0, self.transport.stamp_error)
+            self._send(source, stamp + self.transport.switch_delay,
+                       lambda arrival: self.axis.switch(source, stamp, bool(value), arrival))
 
     def _send_feedback(self, time: float, position: float) -> None:
         t = self.transport

@@ -68,8 +68,9 @@ class Reports:
                 publish(message)
             except Empty:
                 turn, due = turn + 1, time.monotonic() + PERIOD
-                for publish, message in self._due(turn):
-                    publish(message)
+                with self._lock:  # behind what the cycle has queued: states leave in their order
+                    for item in self._due(turn):
+                        self._queue.put(item)
 
     def follow(self, goal: Any, names: Sequence[str]) -> None:
         """Send a goal of the action feedback about its axes."""
@@ -89,19 +90,19 @@ class Reports:
                 for name in names if name in self._axes]
 
     def _due(self, turn: int) -> list[tuple[Publish, Any]]:
+        """Return what is to be published by time; the lock is held."""
         stamp = self._stamp()
         due: list[tuple[Publish, Any]] = []
-        with self._lock:
-            axes = list(self._axes.values())
-            homed = {self._joints[axis.name]: axis.position for axis in axes if axis.homed}
-            if homed:
-                due.append((self._joint_states.publish, convert.joint_states(stamp, homed)))
-            if turn % STATE_EVERY == 0:
-                due += [(self._states[axis.name].publish, convert.axis_state(stamp, axis))
-                        for axis in axes if axis.running]
-                due += [(goal.publish_feedback, convert.feedback(stamp, followed))
-                        for goal, followed in self._goals.values()]
-            if turn % DIAGNOSTICS_EVERY == 0:
-                due.append((self._diagnostics.publish,
-                            convert.diagnostics(stamp, self._node_name, axes)))
+        axes = list(self._axes.values())
+        homed = {self._joints[axis.name]: axis.position for axis in axes if axis.homed}
+        if homed:
+            due.append((self._joint_states.publish, convert.joint_states(stamp, homed)))
+        if turn % STATE_EVERY == 0:
+            due += [(self._states[axis.name].publish, convert.axis_state(stamp, axis))
+                    for axis in axes if axis.running]
+            due += [(goal.publish_feedback, convert.feedback(stamp, followed))
+                    for goal, followed in self._goals.values()]
+        if turn % DIAGNOSTICS_EVERY == 0:
+            due.append((self._diagnostics.publish,
+                        convert.diagnostics(stamp, self._node_name, axes)))
         return due

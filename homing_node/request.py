@@ -47,6 +47,12 @@ class Request:
             self._axes[name].cancel()
         self._drop_waiting(Error.Canceled, 'not started: the request was canceled')
 
+    def abandon(self, reason: str) -> None:
+        """Take what still runs for canceled, for a reason."""
+        for name in self._running:
+            self.outcomes[name] = Outcome(Error.Canceled, f'axis {name}: {reason}')
+        self._running = ()
+
     def update(self, now: float) -> bool:
         """Follow the axes; return whether the whole request has ended."""
         ended = [name for name in self._running if not self._axes[name].running]

@@ -5,24 +5,38 @@ the *first* change, so filtering costs no accuracy. Its position is the feedback
 that time. All positions are in the axis's *toward* frame, all times in the caller's one clock, s.
 """
 
-import math
 from collections import deque
-from itertools import islice
+from itertools import islice, pairwise
 
 from .states import LIMIT_SWITCHES, Input
 
 #: Samples kept of a track: 1 s of a 2 kHz feedback.
 TRACK_LENGTH = 2048
 
+#: How far the time of a sample or an edge may be wrong that has only its arrival, s.
+FALLBACK_DOUBT = 0.02
+#: Smallest uncertainty, m or rad: the rounding of what is computed.
+FINEST = 1e-9
+#: Samples in which a coarse encoder shows equal neighbours.
+GRAIN_SAMPLES = 20
+#: A change so soon after the last one is a bounce, s.
+BOUNCE_TIME = 0.005
+
+#: A time and a position.
+Sample = tuple[float, float]
+
 
 class Track:
-    """A recorded position over time, at most TRACK_LENGTH samples."""
+    """A recorded position over time, at most TRACK_LENGTH samples.
 
-    __slots__ = ('samples', 'time', 'position')
+    ``doubted`` is the time of the newest sample whose time is not its own stamp.
+    """
+
+    __slots__ = ('samples', 'time', 'position', 'doubted')
 
     def __init__(self) -> None:
-        self.samples: deque[tuple[float, float]] = deque(maxlen=TRACK_LENGTH)
-        self.time = -1e300
+        self.samples: deque[Sample] = deque(maxlen=TRACK_LENGTH)
+        self.time = self.doubted = -1e300
         self.position = 0.0
 
     def append(self, time: float, position: float) -> bool:
@@ -51,7 +65,7 @@ class Track:
         (t0, p0), (t1, p1) = self.samples[-2], self.samples[-1]
         return (p1 - p0) / (t1 - t0)
 
-    def around(self, time: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    def around(self, time: float) -> tuple[Sample, Sample] | None:
         """Return the two samples that enclose a time; None where it is not yet covered.
 
         A time before the record gives the two oldest samples.
@@ -65,28 +79,58 @@ class Track:
             newer = older
         return self.samples[0], self.samples[1]
 
-    def extreme(self, since: float, way: int) -> float:
-        """Return the time of the sample that went furthest in a way, of those since a time.
+    def traveled(self, time: float, since: float, way: int) -> int | None:
+        """Return the sign of the travel at a time, of a track that turns to a way.
 
-        The first of several; the time itself where there is no sample since.
+        ``since`` is when it was told to turn; until the furthest sample since then it travels on.
+        The turning point lies where a parabola through that sample and its neighbours has its
+        vertex; None until the next sample has come.
         """
-        found, furthest = since, -math.inf
-        for time, position in reversed(self.samples):
-            if time < since:
-                break
-            if position * way >= furthest:
-                found, furthest = time, position * way
-        return found
+        samples = list(self.samples)
+        at = furthest = len(samples) - 1
+        while at >= 0 and samples[at][0] >= since:
+            if (samples[at][1] - samples[furthest][1]) * way <= 0.0:
+                furthest = at
+            at -= 1
+        if samples[furthest][0] < since:
+            return -way
+        if furthest:
+            before = samples[furthest - 1]
+            if (before[1] - samples[furthest][1]) * way < 0.0:
+                return way  # it has not yet turned from that way, when it was told so before
+            if time <= before[0]:
+                return -way
+        if furthest == len(samples) - 1:
+            return None
+        turn = _vertex(*samples[max(0, furthest - 1):furthest + 2])
+        return way if time > turn else -way
 
-    def step_before(self, time: float) -> float:
-        """Return the size of the last change of position before a time, 0 where there is none."""
-        newer = None
+    def bend(self, time: float) -> float:
+        """Return how far the track may leave the straight line between two samples around a time.
+
+        An eighth of the largest second difference of the samples around it, two on each side.
+        """
+        newer: deque[float] = deque(maxlen=2)
+        older: list[float] = []
         for at, position in reversed(self.samples):
-            if at <= time:
-                if newer is not None and position != newer:
-                    return abs(newer - position)
-                newer = position
-        return 0.0
+            if at > time:
+                newer.append(position)
+            elif len(older) < 2:
+                older.append(position)
+            else:
+                break
+        near = [*newer, *older]
+        return max((abs(a - 2.0 * b + c) for a, b, c in zip(near, near[1:], near[2:],
+                                                           strict=False)), default=0.0) / 8.0
+
+    def grain(self, time: float) -> float:
+        """Return the count of a coarse encoder, as far as it shows before a time, else 0.
+
+        It shows where neighbours are equal among GRAIN_SAMPLES: the smallest change then.
+        """
+        before = (position for at, position in reversed(self.samples) if at <= time)
+        changes = [abs(b - a) for a, b in pairwise(islice(before, GRAIN_SAMPLES))]
+        return min(filter(None, changes), default=0.0) if 0.0 in changes else 0.0
 
     def spread(self, since: float) -> float:
         """Return max - min of the positions not older than a time."""
@@ -98,17 +142,28 @@ class Track:
         return high - low
 
 
+def _vertex(first: Sample, *others: Sample) -> float:
+    """Return when the parabola through three samples turns; of two samples the first's time."""
+    if len(others) == 1:
+        return first[0]
+    (t0, p0), (t1, p1), (t2, p2) = first, *others
+    v1, v2 = (p1 - p0) / (t1 - t0), (p2 - p1) / (t2 - t1)
+    if v1 == v2:
+        return t1
+    return 0.5 * (t0 + t1 + (t2 - t0) * v1 / (v1 - v2))
+
+
 class Mark:
     """A place of the axis: where an edge, a latch or a motion's end was.
 
-    ``resolved`` is False while the position is extrapolated because the feedback does not yet
-    cover the time of the edge. ``uncertainty`` in m.
+    ``resolved`` is False while the feedback around the time of the edge is not yet complete: the
+    position may still change. ``uncertainty`` in m.
     """
 
     __slots__ = ('position', 'uncertainty', 'resolved')
 
     def __init__(
-        self, position: float, uncertainty: float = 0.0, resolved: bool = True
+        self, position: float, uncertainty: float = FINEST, resolved: bool = True
     ) -> None:
         self.position = position
         self.uncertainty = uncertainty
@@ -119,13 +174,14 @@ class Edge(Mark):
     """A level change: which input, when, which way it went, where, and how the axis traveled.
 
     ``way`` is the sign of the travel at the edge's time, ``order`` what to sort edges by: their
-    time, a limit before another switch.
+    time, a limit before another switch. ``doubt`` is how far its time may be wrong, s.
     """
 
-    __slots__ = ('input', 'time', 'rises', 'way', 'order')
+    __slots__ = ('input', 'time', 'rises', 'way', 'order', 'doubt')
 
-    def __init__(self, switch: Input, time: float, rises: bool) -> None:
+    def __init__(self, switch: Input, time: float, rises: bool, doubt: float = 0.0) -> None:
         super().__init__(0.0, resolved=False)
+        self.doubt = doubt
         self.input = switch
         self.time = time
         self.rises = rises
@@ -133,16 +189,31 @@ class Edge(Mark):
         self.order = (time, switch not in LIMIT_SWITCHES)
 
     def locate(self, track: Track) -> bool:
-        """Set the position from a track; return whether the track covers the edge's time."""
+        """Set the position from a track; return whether the track covers the edge's time.
+
+        Resolved is an edge one sample later: that shows how the track bends behind it.
+        """
         found = track.around(self.time)
         if found is None:
             self.position = track.position + track.velocity * (self.time - track.time)
             return False
         (t0, p0), (t1, p1) = found
         self.position = p0 + (p1 - p0) * ((max(self.time, t0) - t0) / (t1 - t0))
-        self.uncertainty = abs(p1 - p0) or track.step_before(t0)
-        self.resolved = True
+        self.uncertainty = self._uncertainty(track, abs(p1 - p0), t1 - t0)
+        self.resolved = track.samples[-2][0] >= self.time
         return True
+
+    def _uncertainty(self, track: Track, travel: float, interval: float) -> float:
+        """Return what the edge's time and the line between two samples leave open, m.
+
+        With stamps that are believed at most the travel of one feedback interval (of a coarse
+        encoder one step).
+        """
+        grain = track.grain(self.time)
+        doubt = self.doubt + (FALLBACK_DOUBT if track.doubted >= self.time - interval else 0.0)
+        known = travel * doubt / interval + track.bend(self.time) + grain
+        most = known if doubt >= FALLBACK_DOUBT else max(travel, grain)
+        return max(min(known, most), FINEST)
 
 
 class Switch:
@@ -153,7 +224,7 @@ class Switch:
     """
 
     __slots__ = ('input', 'inverted', 'debounce', 'level', 'seen', 'bounces',
-                 '_raw', '_first', '_last', '_heard')
+                 '_raw', '_first', '_last', '_heard', '_doubt')
 
     def __init__(self, switch: Input, inverted: bool = False, debounce: float = 0.0) -> None:
         self.input = switch
@@ -164,15 +235,21 @@ class Switch:
         self.bounces = 0
         self._raw: bool = False  # the newest level, believed or not
         self._first: float | None = None  # the first change since the level was last believed
-        self._last = self._heard = 0.0  # the newest change, and its arrival
+        self._last = self._heard = -1e300  # the newest change, and its arrival
+        self._doubt = 0.0
 
     @property
     def unsettled(self) -> bool:
         """Whether a change waits for its debounce."""
         return self._first is not None
 
-    def set(self, time: float, signal: bool, arrival: float) -> Edge | None:
-        """Take a message; return an edge that it (or the time that has passed) confirms."""
+    def set(
+        self, time: float, signal: bool, arrival: float, doubt: float = 0.0
+    ) -> Edge | None:
+        """Take a message; return an edge that it (or the time that has passed) confirms.
+
+        ``doubt`` is how far its time may be wrong, s.
+        """
         self.seen = arrival
         level = signal != self.inverted
         if self.level is None:
@@ -181,11 +258,11 @@ class Switch:
         confirmed = self._confirm(time - self._last)
         if level != self._raw:
             self._raw = level
-            self._last, self._heard = time, arrival
-            if self._first is None:
-                self._first = time
-            else:
+            if self._first is not None or time - self._last < BOUNCE_TIME:
                 self.bounces += 1
+            if self._first is None:
+                self._first, self._doubt = time, doubt
+            self._last, self._heard = time, arrival
         return confirmed or self._confirm(0.0)
 
     def poll(self, now: float) -> Edge | None:
@@ -202,7 +279,7 @@ class Switch:
         if self._raw == self.level:
             return None
         self.level = self._raw
-        return Edge(self.input, first, self.level)
+        return Edge(self.input, first, self.level, self._doubt)
 
     def forget(self) -> None:
         """Become unknown: the publisher is gone."""

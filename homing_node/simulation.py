@@ -7,7 +7,7 @@ its two ends, and whatever it crosses happens at the time at which that line cro
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import exp, floor, inf, isfinite, isnan
+from math import copysign, exp, floor, inf, isfinite, isnan
 from operator import itemgetter
 from typing import NamedTuple, TypeGuard
 
@@ -40,6 +40,10 @@ class AxisLayout:
     (`SWITCHES`). Index pulses are at `index_offset` + k · `index_pitch` for all whole k; a pitch
     of 0 means that there is no index. `touch_probe` is the position of the touch plate. `lag` is
     the first-order time constant between command and feedback in s. `start` is the first position.
+
+    `command_timeout` in s: a drive that hears no setpoint keeps its velocity for that long, then
+    stops with `stop_dec` (m or rad per s²) and heeds setpoints no more until its servo is switched
+    on. 0: it stands where the last setpoint was.
     """
 
     hard_stops: tuple[float, float]
@@ -49,6 +53,8 @@ class AxisLayout:
     touch_probe: float | None = None
     lag: float = 0.0
     start: float = 0.0
+    command_timeout: float = 0.0
+    stop_dec: float = 1.0
 
 
 class Happening(NamedTuple):
@@ -80,6 +86,13 @@ class _Switch:
         self.leave_low = layout.on_from - layout.hysteresis
         self.leave_high = layout.on_to + layout.hysteresis
         self.on = layout.on_from <= position <= layout.on_to
+
+    def shift(self, by: float) -> None:
+        """Move the flag."""
+        self.on_from += by
+        self.on_to += by
+        self.leave_low += by
+        self.leave_high += by
 
     @property
     def level(self) -> bool:
@@ -166,13 +179,16 @@ class SimulatedAxis:
         '_index',
         '_lag',
         '_low',
+        '_own_stop',
         '_probe',
         '_quiet_high',
         '_quiet_low',
         '_rate',
         '_remaining',
         '_servo',
+        '_silence',
         '_switches',
+        '_timeout',
         'command',
         'position',
         'time',
@@ -194,6 +210,8 @@ class SimulatedAxis:
         self._remaining = 0.0  # s until the command is at the goal, coming at this rate
         self._rate = 0.0
         self._lag = layout.lag
+        self._timeout, self._own_stop = layout.command_timeout, layout.stop_dec
+        self._silence = 0.0  # s since a setpoint ended, while the drive goes on without the next
         self._decay_dt, self._decay = 0.0, 1.0  # exp(-dt / lag), for the dt it was last needed for
         self._servo = True
         self._switches = [
@@ -214,22 +232,36 @@ class SimulatedAxis:
 
         The command goes linearly from where it is to `position` over `over` s; 0 = at once.
         """
-        if not self._servo:
+        if not self._servo or self.timed_out:
             return
         self._goal = position
+        self._silence = 0.0
         if over > 0.0:
             self._remaining = over
             self._rate = (position - self.command) / over
         else:
-            self._remaining = 0.0
+            self._remaining = self._rate = 0.0
             self.command = position
 
     def servo(self, on: bool) -> None:
         """Switch the servo; while it is off a brake holds the axis where it is."""
         self._servo = on
+        self._silence = 0.0
         if not on:
             self.command = self._goal = self.position
-            self._remaining = 0.0
+            self._remaining = self._rate = 0.0
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether the drive has stopped, or is stopping, because no setpoint came."""
+        return self._silence > self._timeout > 0.0
+
+    def move_switch(self, name: str, by: float) -> None:
+        """Move a switch's flag by a distance, as if it slipped; no edge comes of it."""
+        for switch in self._switches:
+            if switch.name == name:
+                switch.shift(by)
+        self._find_quiet()
 
     def levels(self) -> dict[str, bool]:
         """Return the raw level of every switch."""
@@ -240,6 +272,8 @@ class SimulatedAxis:
         start = self.time
         before = self.position
         self.time = start + dt
+        if self._timeout and self._rate and self._remaining <= 0.0:
+            self._go_on(dt)
         if self._remaining > 0.0:
             after = self._along_ramp(dt)
         elif before == self.command:
@@ -254,6 +288,15 @@ class SimulatedAxis:
         if self._quiet_low < after < self._quiet_high or after == before:
             return NOTHING
         return self._happenings(start, dt, before, after)
+
+    def _go_on(self, dt: float) -> None:
+        """Make the drive's own setpoint for a step, because none has come."""
+        self._silence += dt
+        before = self._rate
+        if self.timed_out:
+            self._rate = copysign(max(0.0, abs(before) - self._own_stop * dt), before)
+        self._goal += 0.5 * (before + self._rate) * dt
+        self._remaining = dt
 
     def _settled(self, dt: float) -> float:
         """Return the feedback after `dt` s of the command standing still."""
@@ -341,7 +384,8 @@ def layouts_from(mapping: Mapping[str, object]) -> dict[str, AxisLayout]:
 
     `hard_stops` ([lower, upper]) is required. `<switch>` ([from, to]) and `<switch>_hysteresis`
     for every name in `SWITCHES`; `inverted`, a list of such names; `index_pitch`, `index_offset`,
-    `touch_probe`, `lag`, `start` as in `AxisLayout`. Whole numbers are accepted for all reals.
+    `touch_probe`, `lag`, `start`, `command_timeout`, `stop_dec` as in `AxisLayout`. Whole numbers
+    are accepted for all reals.
 
     Raise one ValueError that lists every fault, one a line.
     """
@@ -395,6 +439,8 @@ class _Reader:
             touch_probe=probe,
             lag=self.real('lag', 0.0, 's', least=0.0),
             start=self.real('start', 0.0, 'm or rad'),
+            command_timeout=self.real('command_timeout', 0.0, 's', least=0.0),
+            stop_dec=self.real('stop_dec', AxisLayout.stop_dec, 'm/s² or rad/s²', least=1e-9),
         )
         if not stops[0] <= layout.start <= stops[1]:
             self.fault(

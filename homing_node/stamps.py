@@ -10,6 +10,8 @@ import math
 AGREEMENT = 1e-3
 #: After a jump, stamps are believed again once their age is back within this of what it was.
 RETURNED = 5e-3
+#: Samples of feedback in a row that may have overtaken each other.
+REORDERED = 2
 
 
 class Stamps:
@@ -19,9 +21,11 @@ class Stamps:
     backwards and are taken for messages that overtook each other (they are to be dropped).
     ``warning`` says why a stamp was not believed, '' while all are; ``replaced`` counts them;
     ``smallest`` is the smallest arrival - stamp: the clock's offset plus the shortest latency.
+    ``late``: how late the last message was, where it was too late of a clock that was believed, s;
+    its arrival is no time to home by. From then on that clock is taken for one that disagrees.
     """
 
-    __slots__ = ('limit', 'reorder', 'warning', 'replaced', 'smallest',
+    __slots__ = ('limit', 'reorder', 'warning', 'replaced', 'smallest', 'late',
                  '_newest', '_backwards', '_jumped')
 
     def __init__(self, limit: float, reorder: int = 0) -> None:
@@ -30,6 +34,7 @@ class Stamps:
         self.warning = ''
         self.replaced = 0
         self.smallest = math.inf
+        self.late = 0.0
         self._newest = -math.inf
         self._backwards = 0
         self._jumped = False
@@ -37,6 +42,7 @@ class Stamps:
     def believe(self, stamp: float, arrival: float) -> tuple[float, bool] | None:
         """Return the time to use and whether it is the stamp; None: drop this message."""
         age = arrival - stamp
+        self.late = 0.0
         if stamp < self._newest:
             self._backwards += 1
             if self._backwards <= self.reorder:
@@ -48,14 +54,22 @@ class Stamps:
         if self._jumped and -AGREEMENT <= age <= self.smallest + RETURNED:
             self._jumped = False
         if age < -AGREEMENT:
-            self.warning = f'a stamp lies {-age:.6f} s in the future'
+            self.warning = 'stamps in the future were replaced by the arrival'
         elif age > self.limit:
-            self.warning = f'a stamp is {age:.3f} s old, more than {self.limit:g} s'
+            self.warning = f'stamps older than {self.limit:g} s were replaced by the arrival'
+            if not self._jumped and self.smallest < math.inf:
+                self.late, self.smallest = age - self.smallest, math.inf
         elif self._jumped:
-            self.warning = 'the stamps ran backwards'
+            self.warning = 'stamps that ran backwards were replaced by the arrival'
         else:
             self.warning = ''
             self.smallest = min(self.smallest, age)
             return min(stamp, arrival), True
         self.replaced += 1
         return arrival, False
+
+
+def too_late(name: str, stamps: Stamps) -> str:
+    """Tell that a message was too late."""
+    return (f'a message of {name} came {stamps.late:.3f} s late, more than {stamps.limit:g} s '
+            '(feedback_timeout)')

@@ -72,6 +72,7 @@ class Error(Word):
     SearchDistanceExceeded = 'SearchDistanceExceeded'
     ZPulseNotFound = 'ZPulseNotFound'
     EdgeNotRepeated = 'EdgeNotRepeated'
+    IndexMarginError = 'IndexMarginError'
     Timeout = 'Timeout'
     Canceled = 'Canceled'
     EmergencyStop = 'EmergencyStop'
@@ -98,6 +99,14 @@ class LSType(Word):
     SlowDecServoOff = 'SlowDecServoOff'
     SlowDec = 'SlowDec'
     SeparatePositiveLSNegativeLS = 'SeparatePositiveLSNegativeLS'
+
+
+class IndexMarginAction(Word):
+    """What to do where the edge that arms the Z-pulse lies too close to a pulse."""
+
+    none = 'None'
+    Warn = 'Warn'
+    Fail = 'Fail'
 
 
 class Direction(Word):

@@ -10,6 +10,8 @@ from collections.abc import Callable
 
 #: How often a simulated clock is looked at, s.
 LOOK = 0.0005
+#: A simulated clock that has not moved for this long of real time stands, s.
+STANDSTILL = 1.0
 
 
 class TimeBase:
@@ -21,6 +23,7 @@ class TimeBase:
     def __init__(self, ros_time: Callable[[], int] | None = None) -> None:
         self._ros_time = ros_time
         self._wall_ns = 0
+        self._moved = time.monotonic()
         self.now = 0.0
         self.read()
 
@@ -28,10 +31,17 @@ class TimeBase:
     def simulated(self) -> bool:
         return self._ros_time is not None
 
+    @property
+    def stands(self) -> bool:
+        """Whether simulated time has stood still for a while."""
+        return self.simulated and time.monotonic() - self._moved > STANDSTILL
+
     def read(self) -> float:
         """Read the clock."""
         if self._ros_time is not None:
-            self._wall_ns = self._ros_time()
+            before, self._wall_ns = self._wall_ns, self._ros_time()
+            if self._wall_ns != before:
+                self._moved = time.monotonic()
             self.now = self._wall_ns * 1e-9
         else:
             self._wall_ns, self.now = time.time_ns(), time.monotonic()

@@ -64,14 +64,14 @@ class Leg:
             self.feedback = feedback
         return overruns
 
-    def way_at(self, time: float, track: Track) -> Way:
-        """Return how the axis traveled at a time that the track covers.
+    def way_at(self, time: float, track: Track) -> int | None:
+        """Return the sign of the axis's travel at a time that the track covers.
 
-        An axis that is told to turn travels on until the feedback's extreme.
+        0 before a leg that began at rest, None while it is not yet known where the axis turned.
         """
         if self.before is Way.NONE:
             return self.way if time >= self.since else Way.NONE
-        return self.way if time > track.extreme(self.since, -self.way) else self.before
+        return track.traveled(time, self.since, self.way)
 
     def gone(self, command: float) -> float:
         """Return how far the command has gone from its turning point."""

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from .configuration import Configuration, configuration
-from .parameters import InvalidParameters
+from .spec import InvalidParameters
 
 NODE = '/homing_node'
 

@@ -4,7 +4,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from homing_node.configuration import NODE_SPECS, TOPIC_SPECS
-from homing_node.parameters import SPECS, Spec
+from homing_node.parameters import SPECS
+from homing_node.spec import Spec
 from homing_node.states import LSType
 
 PAGE = Path(__file__).resolve().parent.parent / 'doc' / 'parameters.md'

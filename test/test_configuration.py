@@ -1,0 +1,154 @@
+"""All parameters of the node: names, values, faults."""
+
+import pytest
+
+from homing_node.configuration import (
+    AXIS_SPECS,
+    NODE_SPECS,
+    RESERVED,
+    SetpointInterface,
+    check_axis_values,
+    check_node_value,
+    configuration,
+    home_sequence,
+)
+from homing_node.parameters import SPECS
+from homing_node.spec import InvalidParameters
+from homing_node.states import HomeType, Input
+
+AXIS = {'home_type': 'HS', 'travel': 0.2}
+
+
+def flat(**changes):
+    """Return the parameters of one axis `x`; `__` stands for the point, None leaves one out."""
+    values = {'axes': ['x'], 'x.home_type': 'HS', 'x.travel': 0.2}
+    values.update({name.replace('__', '.'): value for name, value in changes.items()})
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def faults(values):
+    with pytest.raises(InvalidParameters) as caught:
+        configuration(values)
+    return caught.value.faults
+
+
+def test_defaults():
+    checked = configuration(flat())
+    assert checked.update_rate == 250.0
+    assert checked.cycle_timeout == 0.2
+    assert checked.setpoint_interface is SetpointInterface.trajectory
+    assert checked.home_sequence == (('x',),)
+    assert checked.axes['x'].home_type is HomeType.HS
+    assert checked.joints == {'x': 'x'}
+    assert checked.topics == {'x': {}}
+
+
+def test_everything_set():
+    checked = configuration({
+        'axes': ['z', 'a_1'], 'update_rate': 500, 'cycle_timeout': 1,
+        'setpoint_interface': 'position', 'home_sequence': ['a_1', 'z'],
+        'z.home_type': 'HSHS', 'z.travel': 1, 'z.joint': 'joint_z',
+        'z.topics.home_switch': '/io/z', 'a_1.home_type': 'LS', 'a_1.travel': 0.5})
+    assert list(checked.axes) == ['z', 'a_1']
+    assert checked.update_rate == 500.0
+    assert isinstance(checked.update_rate, float)
+    assert isinstance(checked.axes['z'].travel, float)
+    assert checked.setpoint_interface is SetpointInterface.position
+    assert checked.home_sequence == (('a_1',), ('z',))
+    assert checked.joints == {'z': 'joint_z', 'a_1': 'a_1'}
+    assert checked.topics == {'z': {Input.HOME_SWITCH: '/io/z'}, 'a_1': {}}
+
+
+def test_what_every_ros_node_has_is_no_fault():
+    configuration({
+        **flat(), 'use_sim_time': True, 'start_type_description_service': False,
+        'qos_overrides./homing_node/x/home_switch.subscription.durability': 'transient_local'})
+
+
+@pytest.mark.parametrize(('changes', 'parts'), [
+    ({'axes': None}, ['axes: required']),
+    ({'axes': 'x'}, ['axes', 'quote']),
+    ({'axes': [True]}, ['axes', 'quote']),
+    ({'axes': ['x', 'x']}, ['axes', 'twice']),
+    ({'axes': ['2x']}, ["'2x'", 'a letter']),
+    ({'axes': ['x-1']}, ["'x-1'"]),
+    ({'axes': ['']}, ["''"]),
+    ({'x__travel': None}, ['x.travel: required', 'm']),
+    ({'x__home_type': None}, ['x.home_type: required']),
+    ({'x__travel': 0}, ['x.travel', '0', '> 0 m']),
+    ({'x__homing_velocity_fst': 0.1},
+     ['x.homing_velocity_fst', "did you mean 'homing_velocity_fast'"]),
+    ({'x__topics__home_swich': '/a'}, ['x.topics.home_swich']),
+    ({'x__topics__home_switch': 5}, ['x.topics.home_switch', 'a string']),
+    ({'x__topics__home_switch': 'a b'}, ['x.topics.home_switch', "'a b'"]),
+    ({'x__topics__home_switch': '/a//b'}, ['x.topics.home_switch', "'/a//b'"]),
+    ({'x__topics__home_switch': '/1'}, ['x.topics.home_switch', "'/1'"]),
+    ({'x__homing_velocity_slow': 0.1}, ['x.homing_velocity_slow', '0.1 m/s', '0.05 m/s']),
+    ({'z__travel': 1.0}, ['z.travel', "'z' is none of the axes x"]),
+    ({'update_rat': 250.0}, ['update_rat', "did you mean 'update_rate'"]),
+    ({'update_rate': 0.5}, ['update_rate: 0.5 Hz must be >= 1']),
+    ({'update_rate': 1e4}, ['update_rate', '<= 2000 Hz']),
+    ({'update_rate': True}, ['update_rate', 'a number']),
+    ({'cycle_timeout': 0.0}, ['cycle_timeout', '> 0 s']),
+    ({'setpoint_interface': 'velocity'},
+     ['setpoint_interface', "'velocity'", 'trajectory, position']),
+    ({'home_sequence': ['x, q']}, ['home_sequence', "'q'"]),
+    ({'home_sequence': ['x', 'x']}, ['home_sequence', 'twice']),
+    ({'home_sequence': 'x'}, ['home_sequence', 'list of strings']),
+])
+def test_a_fault(changes, parts):
+    found = faults(flat(**changes))
+    assert any(all(part in fault for part in parts) for fault in found), found
+
+
+@pytest.mark.parametrize('name', sorted(RESERVED))
+def test_names_of_the_node_are_no_axes(name):
+    found = faults({'axes': [name], f'{name}.home_type': 'HS', f'{name}.travel': 1.0})
+    assert any(repr(name) in fault for fault in found)
+
+
+def test_all_faults_at_once():
+    found = faults({
+        **flat(update_rate=-1.0, x__travel=-1.0, x__foo=1, x__home_type='ABC', bar=2),
+        'home_sequence': ['q']})
+    for part in ('update_rate', 'x.travel', 'x.foo', "'ABC'", 'bar', "'q'"):
+        assert sum(part in fault for fault in found) == 1, found
+
+
+def test_two_axes_with_one_joint():
+    found = faults({'axes': ['a', 'b'], **{
+        f'{axis}.{name}': value for axis in 'ab' for name, value in AXIS.items()},
+        'b.joint': 'a'})
+    assert found == ("b.joint: 'a' is already the joint of axis a",)
+
+
+def test_home_sequence():
+    assert home_sequence([], ['x', 'y']) == (('x',), ('y',))
+    assert home_sequence(['z', 'x, y'], ['x', 'y', 'z']) == (('z',), ('x', 'y'))
+    assert home_sequence([' z ,x'], ['x', 'y', 'z']) == (('z', 'x'),)
+    with pytest.raises(ValueError, match="'' is none"):
+        home_sequence(['x,'], ['x'])
+
+
+def test_values_of_an_axis_taken_together():
+    assert check_axis_values('x', AXIS) == ()
+    assert check_axis_values('x', {**AXIS, 'topics.home_switch': '/a'}) == ()
+    (fault,) = check_axis_values('x', {**AXIS, 'homing_velocity_slow': 1.0})
+    assert fault.startswith('x.homing_velocity_slow: 1 m/s')
+
+
+def test_a_value_of_the_node():
+    check_node_value('cycle_timeout', 1, ['x'])
+    check_node_value('home_sequence', ['x'], ['x'])
+    with pytest.raises(ValueError, match='home_sequence'):
+        check_node_value('home_sequence', ['z'], ['x'])
+    with pytest.raises(ValueError, match=r'cycle_timeout: -1\.0 s must be > 0 s'):
+        check_node_value('cycle_timeout', -1, ['x'])
+
+
+def test_every_parameter_is_described():
+    for name, spec in {**NODE_SPECS, **AXIS_SPECS}.items():
+        assert spec.name == name
+        assert spec.text
+    assert set(SPECS) < set(AXIS_SPECS)
+    assert {f'topics.{name}' for name in Input} == set(AXIS_SPECS) - set(SPECS)

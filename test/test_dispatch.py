@@ -1,0 +1,174 @@
+"""Who homes what, and who gets which answer."""
+
+import pytest
+from test_request import FakeAxis, running
+
+from homing_node.axis import Outcome
+from homing_node.dispatch import Answer, Dispatch
+from homing_node.states import Error
+
+
+@pytest.fixture
+def axes():
+    return {name: FakeAxis(name) for name in 'xyz'}
+
+
+@pytest.fixture
+def dispatch(axes):
+    return Dispatch(axes, (('z',), ('x', 'y')), lambda name: None)
+
+
+def test_an_answer_is_awaited():
+    answer = Answer()
+
+    async def wait():
+        await answer
+        return 'given'
+
+    waiting = wait()
+    assert waiting.send(None) is None
+    assert waiting.send(None) is None
+    answer.give()
+    with pytest.raises(StopIteration) as ended:
+        waiting.send(None)
+    assert ended.value.value == 'given'
+
+
+def test_all_axes_home_in_the_order_of_the_groups(dispatch, axes):
+    request = dispatch.home(['x', 'y', 'z'], 'me', 0.0)
+    answer = dispatch.answer(request)
+    assert request.groups == [('z',), ('x', 'y')]
+    assert running(axes) == 'z'
+    axes['z'].end()
+    assert not dispatch.update(0.1)
+    axes['x'].end()
+    axes['y'].end()
+    assert not answer.given
+    assert dispatch.update(0.2)
+    assert answer.given
+    assert dispatch.idle
+    assert not dispatch.update(0.3)
+
+
+def test_some_axes_home_in_that_order_and_unlisted_ones_afterwards(axes):
+    dispatch = Dispatch(axes, (('z', 'y'),), lambda name: None)
+    assert dispatch.home(['x', 'y'], 'me', 0.0).groups == [('y',), ('x',)]
+
+
+def test_busy(dispatch, axes):
+    dispatch.home(['x', 'z'], '~/first', 0.0)
+    for names in (['z'], ['x'], ['x', 'y', 'z']):
+        refusal = dispatch.home(names, '~/second', 0.1)
+        assert isinstance(refusal, Outcome)
+        assert refusal.error is Error.Busy
+        # In the order of the sequence: z runs, x waits for it.
+        assert refusal.message.startswith(f'axis {names[0]}: ~/first is homing z, x (')
+    assert running(axes) == 'z'
+    assert axes['y'].runs == 0
+    other = dispatch.home(['y'], '~/other', 0.2)
+    assert running(axes) == 'yz'
+    axes['y'].end()
+    assert dispatch.update(0.3)
+    assert other.success
+    assert not dispatch.idle
+
+
+def test_an_axis_may_home_again_as_soon_as_the_answer_is_given(dispatch, axes):
+    dispatch.home(['x'], 'me', 0.0)
+    axes['x'].end()
+    dispatch.update(0.1)
+    assert dispatch.home(['x'], 'me', 0.2).names == ('x',)
+
+
+def test_an_axis_that_is_not_ready_is_not_started(axes):
+    dispatch = Dispatch(axes, (), lambda name: (
+        Outcome(Error.PublisherConflict, 'two') if name == 'y' else None))
+    assert dispatch.home(['x', 'y'], 'me', 0.0).error is Error.PublisherConflict
+    assert not running(axes)
+    assert dispatch.idle
+
+
+def test_an_axis_that_is_unknown(dispatch, axes):
+    refusal = dispatch.home(['x', 'q'], 'me', 0.0)
+    assert refusal.error is Error.UnknownAxis
+    assert refusal.message == "'q' is none of the axes x, y, z"
+    assert not running(axes)
+
+
+def test_a_refused_axis_answers_at_the_next_cycle(dispatch, axes):
+    axes['x'].refused = Outcome(Error.FeedbackStale, 'axis x: …')
+    request = dispatch.home(['x'], 'me', 0.0)
+    answer = dispatch.answer(request)
+    assert dispatch.update(0.1)
+    assert answer.given
+    assert request.outcomes['x'].error is Error.FeedbackStale
+
+
+def test_cancel_answers_at_rest(dispatch, axes):
+    home = dispatch.answer(dispatch.home(['x'], 'me', 0.0))
+    moving, answer = dispatch.cancel(['x', 'y'])
+    assert moving == ['x']
+    assert axes['x'].canceled
+    assert not dispatch.update(0.1)
+    assert not answer.given
+    axes['x'].end(Error.Canceled)
+    assert dispatch.update(0.2)
+    assert answer.given
+    assert home.given
+    assert dispatch.idle
+
+
+def test_nothing_to_cancel_answers_at_the_next_cycle(dispatch):
+    moving, answer = dispatch.cancel(['x', 'y', 'z'])
+    assert moving == []
+    assert dispatch.update(0.1)
+    assert answer.given
+
+
+def test_to_cancel_one_axis_stops_its_group(dispatch, axes):
+    request = dispatch.home(['x', 'y', 'z'], 'me', 0.0)
+    axes['z'].end()
+    dispatch.update(0.1)
+    assert running(axes) == 'xy'
+    dispatch.cancel(['x'])
+    assert not axes['y'].canceled
+    axes['x'].end(Error.Canceled)
+    dispatch.update(0.2)
+    assert axes['y'].canceled
+    axes['y'].end(Error.Canceled)
+    assert dispatch.update(0.3)
+    assert not request.success
+
+
+def test_to_cancel_all_leaves_nothing_to_start(dispatch, axes):
+    request = dispatch.home(['x', 'y', 'z'], 'me', 0.0)
+    dispatch.cancel(['x', 'y', 'z'])
+    axes['z'].end()  # it was homed at the same moment
+    assert dispatch.update(0.1)
+    assert not running(axes)
+    assert not request.success
+
+
+def test_close(dispatch, axes):
+    home = dispatch.answer(dispatch.home(['x', 'y', 'z'], 'me', 0.0))
+    dispatch.close()
+    assert axes['z'].canceled
+    refusal = dispatch.home(['x'], 'me', 0.1)
+    assert refusal.error is Error.Canceled
+    assert 'shutting down' in refusal.message
+    axes['z'].end(Error.Canceled)
+    assert dispatch.update(0.2)
+    assert home.given
+    assert dispatch.idle
+    assert axes['x'].runs == 0
+
+
+def test_abandon(dispatch, axes):
+    request = dispatch.home(['z'], 'me', 0.0)
+    home, (_, cancel) = dispatch.answer(request), dispatch.cancel(['z'])
+    dispatch.abandon('because')
+    assert home.given
+    assert cancel.given
+    assert dispatch.idle
+    assert dispatch.closed
+    assert request.outcomes['z'] == Outcome(Error.Canceled, 'axis z: because')

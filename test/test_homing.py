@@ -1,0 +1,962 @@
+"""Whole runs: the core against the simulated plant, for every type and both directions."""
+
+import pytest
+from core_rig import (
+    DIRECTIONS,
+    END,
+    EXTERNAL_AHEAD,
+    HS,
+    HS_OFF_TYPES,
+    LIMIT_AHEAD,
+    LIMIT_BEHIND,
+    LIMIT_TYPES,
+    NEAR_AHEAD,
+    OFFSET,
+    PITCH,
+    REVERSING,
+    TRUE_HOME,
+    TYPES,
+    assert_homed,
+    bouncing,
+    error_of,
+    furthest,
+    home_of,
+    injected,
+    on_side,
+    path,
+    rig,
+    spoilt,
+    target_of,
+    with_another_flag,
+)
+
+from homing_node.procedures import PROCEDURES
+from homing_node.rehearsal import Transport
+from homing_node.simulation import SwitchLayout
+from homing_node.states import Error, HomeType, Input
+
+BOTH_WAYS = pytest.mark.parametrize('direction', DIRECTIONS, ids=['positive', 'negative'])
+SEARCHING_TYPES = pytest.mark.parametrize('home_type', TRUE_HOME, ids=str)
+#: Those whose next run finds the same place, not the next pulse.
+REPEATING_TYPES = pytest.mark.parametrize(
+    'home_type', [t for t in TRUE_HOME if t not in ('ZPulse', 'TouchProbe')], ids=str)
+REVERSING_TYPES = pytest.mark.parametrize('home_type', REVERSING, ids=str)
+ON_SWITCH_TYPES = pytest.mark.parametrize('home_type', REVERSING[:5], ids=str)
+OFF_SWITCH_TYPES = pytest.mark.parametrize('home_type', HS_OFF_TYPES, ids=str)
+ON_LIMIT_TYPES = pytest.mark.parametrize('home_type', LIMIT_TYPES, ids=str)
+
+REVERSAL = 'HSFallingEdgeSearchReverse'
+AT_START = 'HSClearReverse'
+
+
+# -- the home position, from everywhere (sections 3 to 5) -----------------------------------------
+
+
+@BOTH_WAYS
+@SEARCHING_TYPES
+def test_from_before(home_type, direction):
+    assert_homed(rig(home_type).home(direction), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+@pytest.mark.parametrize(
+    'start', [0.0021, 0.0599, 0.06, 0.0601, 0.063, 0.0659, 0.066, 0.0661, 0.08, 0.0899, 0.09,
+              0.0901, 0.1])
+def test_home_switch_types_from_anywhere(home_type, direction, start):
+    course = rig(home_type).home(direction, start)
+    assert_homed(course, TRUE_HOME[home_type], direction)
+    on_hs, beyond = 0.06 <= start <= 0.066, start > 0.066
+    clears = on_hs and home_type not in HS_OFF_TYPES
+    assert (REVERSAL in path(course)) == beyond
+    if clears:
+        assert path(course)[0] == AT_START
+    if start >= 0.09:
+        assert path(course)[0] == REVERSAL
+        assert furthest(course, direction) <= start + 1e-9
+
+
+@BOTH_WAYS
+def test_what_follows_a_home_switch_that_is_on_at_start(direction):
+    second = rig('HSHS').home(direction, 0.063)
+    assert path(second) == ['HSClearReverse', 'SecondHSSearch', 'HomeShift']
+    probe = rig('HSTouchProbe').home(direction, 0.063)
+    assert path(probe) == ['HSClearReverse', 'TouchProbeSearch', 'HomeShift']
+    once = rig('HS').home(direction, 0.063)
+    assert path(once) == ['HSClearReverse', 'HSSearch', 'HomeShift']
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize(('home_type', 'start'), [
+    (home_type, start) for home_type in LIMIT_TYPES
+    for start in (0.0021, 0.0799, 0.08, 0.085, 0.0851, 0.0899, 0.09, 0.095)
+    if start < 0.09 or home_type in LIMIT_TYPES[:2]])  # else beyond a normal limit
+def test_limit_types_from_anywhere(home_type, direction, start):
+    one = rig(home_type)
+    course = one.home(direction, start)
+    assert_homed(course, TRUE_HOME[home_type], direction)
+    on_limit = start >= target_of(one)[1]
+    assert (path(course)[0] == 'LSFallingEdgeSearchReverse') == on_limit
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', [t for t in TRUE_HOME if 'Detection' not in t], ids=str)
+def test_the_limit_behind_may_be_on_at_start(home_type, direction):
+    one = rig(home_type)
+    if home_type is HomeType.ZPulse:
+        one = one.built(index_offset=0.0533, index_pitch=0.2)
+    assert_homed(one.home(direction, 0.0), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@REPEATING_TYPES
+def test_homing_again_from_the_edge_itself(home_type, direction):
+    """Without a shift the axis rests exactly on the edge, where the level is undefined."""
+    made = rig(home_type).rehearsal(direction)
+    for _ in range(4):
+        assert_homed(made.home(), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@REPEATING_TYPES
+@pytest.mark.parametrize('away', [-1e-9, 0.0, 1e-9, 1e-5])
+def test_starting_around_the_home_position(home_type, direction, away):
+    one = rig(home_type)
+    if home_type is HomeType.MechanicalEndDetection:
+        away = -abs(away)
+    assert_homed(one.home(direction, TRUE_HOME[home_type] + away), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+def test_an_axis_on_a_pulse_goes_to_the_next(direction):
+    made = rig('ZPulse').rehearsal(direction)
+    for k in (5, 6, 7):
+        assert_homed(made.home(), OFFSET + k * PITCH, direction)
+
+
+# -- narrow flags and momentary limits (section 7) ------------------------------------------------
+
+
+@BOTH_WAYS
+@ON_SWITCH_TYPES
+@pytest.mark.parametrize('width', [1e-5, 3e-4, 0.002])
+@pytest.mark.parametrize('start', [0.05, 0.0601, 0.075])
+def test_a_flag_that_the_axis_overruns(home_type, direction, width, start):
+    one = rig(home_type).switched(**{HS: SwitchLayout(0.06, 0.06 + width)})
+    assert_homed(one.home(direction, start), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@OFF_SWITCH_TYPES
+@pytest.mark.parametrize('start', [0.05, 0.0605, 0.075])
+def test_a_narrow_flag_of_which_the_far_edge_counts(home_type, direction, start):
+    one = rig(home_type).switched(**{HS: SwitchLayout(0.06, 0.062)})
+    home = {'HSOff': 0.062, 'HSOffZPulse': 0.0633, 'HSOffReverseZPulse': 0.0533}[home_type]
+    assert_homed(one.home(direction, start), home, direction)
+
+
+@BOTH_WAYS
+@ON_LIMIT_TYPES
+@pytest.mark.parametrize('width', [1e-5, 3e-4, 0.002])
+def test_a_momentary_limit_as_the_reference(home_type, direction, width):
+    one = rig(home_type)
+    name, low = target_of(one)
+    course = one.switched(**{name: SwitchLayout(low, low + width)}).home(direction)
+    assert_homed(course, TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+@pytest.mark.parametrize('width', [1e-5, 3e-4, 0.002])
+def test_a_momentary_limit_reverses(home_type, direction, width):
+    one = rig(home_type).switched(**{LIMIT_AHEAD: SwitchLayout(0.09, 0.09 + width)})
+    course = one.home(direction, 0.08)
+    assert REVERSAL in path(course)
+    assert_homed(course, TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+def test_a_momentary_limit_that_was_overrun_still_blocks_the_home_shift(direction):
+    """The home switch is at the limit; its overrun passes the limit, which is off again."""
+    one = rig('HS', home_shift_distance=0.02).switched(
+        **{LIMIT_AHEAD: SwitchLayout(0.061, 0.0612)})
+    course = one.home(direction)
+    assert error_of(course) is Error.LSTriggered
+    assert furthest(course, direction) < 0.07
+
+
+# -- the reversal (section 5) ---------------------------------------------------------------------
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+def test_the_reversal(home_type, direction):
+    one = rig(home_type, homing_reverse_distance=0.012)
+    course = one.home(direction, 0.08)
+    assert path(course)[1] == REVERSAL
+    assert path(course)[2] == path(course)[0]
+    assert_homed(course, TRUE_HOME[home_type], direction)
+    reversing = [s.position * direction for s in course.samples if s.state == REVERSAL]
+    assert min(reversing) == pytest.approx(0.048, abs=1e-5)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('distance', [0.0, 0.001, 0.004, 0.02])
+def test_the_homing_reverse_distance_counts_from_the_edge(direction, distance):
+    """Where stopping takes longer than the distance, the axis goes on at once."""
+    course = rig('HSHS', homing_reverse_distance=distance).home(direction)
+    lowest = min(s.position * direction for s in course.samples
+                 if s.state in ('HSClearReverse', 'SecondHSSearch'))
+    assert lowest <= 0.06 - distance + 1e-5
+    assert lowest >= 0.06 - max(distance, 0.009) - 1e-5
+    assert_homed(course, 0.06, direction)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('immediate', [False, True])
+@pytest.mark.parametrize('home_type', [REVERSING[0], HomeType.LS], ids=str)
+def test_immediate_stop(home_type, direction, immediate):
+    course = rig(home_type, immediate_stop_at_ls=immediate).home(direction, 0.08)
+    assert_homed(course, TRUE_HOME[home_type], direction)
+    overrun = furthest(course, direction) - 0.09
+    assert (overrun < 0.2 * 0.012) == immediate
+    frozen = [s for s, t in zip(course.samples, course.samples[1:], strict=False)
+              if abs(s.velocity) > 0.15 and abs(t.velocity) < 0.05]
+    assert bool(frozen) == immediate
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+def test_immediate_stop_with_a_pause_stays_where_it_stopped(home_type, direction):
+    made = rig(home_type, immediate_stop_at_ls=True, pause_mode=True).rehearsal(direction, 0.08)
+    made.axis.home(0.0)
+    while not made.axis.paused:
+        made.cycle()
+    at = made.plant.position
+    for _ in range(100):
+        setpoint = made.cycle()
+    assert abs(setpoint.position - at) < 0.002
+    assert setpoint.velocity == 0.0
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+def test_one_reversal_only(home_type, direction):
+    """The home switch is beyond the limit: found going away, never going toward."""
+    one = rig(home_type).switched(**{HS: SwitchLayout(0.0915, 0.097)})
+    course = one.home(direction)
+    assert error_of(course) is Error.LSTriggered
+    assert 'second time' in course.outcome.message
+    assert path(course).count(REVERSAL) == 1
+
+
+@BOTH_WAYS
+def test_a_second_limit_ends_the_run_whatever_its_type(direction):
+    one = rig('HS', ls_type='None').switched(**{HS: SwitchLayout(0.0915, 0.097)})
+    course = one.home(direction)
+    assert error_of(course) is Error.LSTriggered
+    assert 'second time' in course.outcome.message
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+@pytest.mark.parametrize(('flag', 'tier'), [(NEAR_AHEAD, 'near'), (EXTERNAL_AHEAD, 'external')])
+def test_near_and_external_limits_reverse_too(home_type, direction, flag, tier):
+    one = rig(home_type, **{f'{tier}_ls_type': 'ServoOff'}).switched(
+        **{flag: SwitchLayout(0.08, 1.0)})
+    course = one.home(direction, 0.075)
+    assert path(course)[1] == REVERSAL
+    assert furthest(course, direction) < 0.0901
+    assert_homed(course, TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('starts', [0.08, 0.095], ids=['limit met', 'limit on'])
+def test_the_reversal_is_bounded(direction, starts):
+    one = rig('HS', max_ls_reverse_distance=0.02).switched(**{HS: SwitchLayout(0.06, 0.061)})
+    course = one.home(direction, starts)
+    assert error_of(course) is Error.MaxLSRevDistanceTraveled
+    assert course.outcome.message == (
+        'axis x: the home switch did not fall within 0.02 m (max_ls_reverse_distance) in '
+        'HSFallingEdgeSearchReverse; is the home switch between the limits?')
+
+
+@BOTH_WAYS
+def test_without_an_own_bound_the_reversal_has_the_search_bound(direction):
+    one = rig('HS', max_search_distance=0.03)
+    course = one.home(direction, 0.095)
+    assert error_of(course) is Error.MaxLSRevDistanceTraveled
+    assert 'within 0.03 m (max_search_distance)' in course.outcome.message
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+def test_the_reversal_ends_at_the_limit_behind(home_type, direction):
+    one = rig(home_type).switched(**{HS: SwitchLayout(0.2, 0.3)})
+    course = one.home(direction)
+    assert error_of(course) is Error.LSTriggered
+    assert path(course)[-1] == REVERSAL
+    assert 'behind' in course.outcome.message
+    assert min(s.position * direction for s in course.samples) > 0.002 - 0.006
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', ['HSHS', 'HSTouchProbe'])
+def test_a_limit_ahead_during_the_second_pass_reverses(home_type, direction):
+    """The home switch, or the probe, is not found again."""
+    one = rig(home_type).built(touch_probe=None)
+    made = one.rehearsal(direction, 0.063)
+    second = 'SecondHSSearch' if home_type == 'HSHS' else 'TouchProbeSearch'
+    hs = made.plant._switches
+    made.axis.home(0.0)
+    while made.axis.state != second:
+        made.cycle()
+    hs[:] = [switch for switch in hs if switch.name != HS]
+    made.plant._find_quiet()
+    course = made.finish()
+    assert REVERSAL in path(course)
+    assert error_of(course) is Error.LSTriggered
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', ['HSZPulse', 'HSOffZPulse'])
+def test_a_limit_ahead_before_the_pulse_reverses(home_type, direction):
+    """Then the pulse is not there either: the second limit ends the run."""
+    course = rig(home_type).built(index_offset=0.0, index_pitch=0.2).home(direction)
+    assert path(course)[1] == REVERSAL
+    assert error_of(course) is Error.LSTriggered
+
+
+@BOTH_WAYS
+def test_the_pulse_after_the_reversal_counts(direction):
+    """One just before the edge, whose next is beyond the limit, would not."""
+    one = rig('HSZPulse').built(index_offset=0.061, index_pitch=0.2)
+    course = one.home(direction, 0.08)
+    assert_homed(course, 0.061, direction)
+
+
+# -- clearing (section 4) -------------------------------------------------------------------------
+
+
+@BOTH_WAYS
+@ON_SWITCH_TYPES
+def test_clearing_the_home_switch_is_bounded(home_type, direction):
+    one = rig(home_type, max_hs_on_at_start_reverse_distance=0.01).switched(
+        **{HS: SwitchLayout(0.04, 0.066)})
+    course = one.home(direction, 0.063)
+    assert error_of(course) is Error.MaxHSOnAtStartRevDistanceTraveled
+    assert 'within 0.01 m (max_hs_on_at_start_reverse_distance)' in course.outcome.message
+
+
+@BOTH_WAYS
+def test_without_an_own_bound_clearing_has_the_search_bound(direction):
+    one = rig('HS', max_search_distance=0.01).switched(**{HS: SwitchLayout(0.04, 0.066)})
+    course = one.home(direction, 0.063)
+    assert error_of(course) is Error.SearchDistanceExceeded
+    assert 'max_search_distance' in course.outcome.message
+
+
+@BOTH_WAYS
+@ON_LIMIT_TYPES
+def test_clearing_the_target_limit_is_bounded(home_type, direction):
+    one = rig(home_type, max_ls_reverse_distance=0.01)
+    one = one.switched(**{target_of(one)[0]: SwitchLayout(0.04, 1.0)})
+    course = one.home(direction, 0.07)
+    assert error_of(course) is Error.MaxLSRevDistanceTraveled
+    assert path(course) == ['LSFallingEdgeSearchReverse']
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+@pytest.mark.parametrize('start', [0.05, 0.063, 0.08])
+def test_a_second_flag_within_the_reverse_distance_is_cleared_too(home_type, direction, start):
+    """The switch is on again at the end of the distance: clearing goes on."""
+    made = rig(home_type, homing_reverse_distance=0.008).rehearsal(direction, start)
+    low, high = sorted((direction * 0.0490, direction * 0.0545))
+    course = with_another_flag(made, HS, low, high).home()
+    homes = {TRUE_HOME[home_type], 0.0490, 0.0545, 0.0433, 0.0533, 0.0633}
+    if home_type is HomeType.HSHS and start == 0.05:  # the passes found different flags
+        assert error_of(course) is Error.EdgeNotRepeated
+    else:
+        assert min(abs(home_of(course, direction) - home) for home in homes) < 0.0005
+
+
+@BOTH_WAYS
+@ON_LIMIT_TYPES
+def test_a_second_flag_of_the_target_limit_is_cleared_too(home_type, direction):
+    one = rig(home_type, homing_reverse_distance=0.012)
+    name, edge = target_of(one)
+    made = one.rehearsal(direction, edge + 0.001)
+    low, high = sorted((direction * (edge - 0.010), direction * (edge - 0.008)))
+    course = with_another_flag(made, on_side(name, direction), low, high).home()
+    homes = {TRUE_HOME[home_type] - 0.01, edge - 0.01, 0.0633, 0.0733, 0.0833}
+    assert min(abs(home_of(course, direction) - home) for home in homes) < 0.0005
+
+
+@BOTH_WAYS
+def test_a_home_switch_that_is_on_again_before_the_second_pass(direction):
+    """The overrun of the clearing meets another flag."""
+    made = rig('HSHS').rehearsal(direction)
+    low, high = sorted((direction * 0.0560, direction * 0.0575))
+    course = with_another_flag(made, HS, low, high).home()
+    assert path(course).count(AT_START) >= 2
+
+
+@BOTH_WAYS
+@ON_LIMIT_TYPES
+def test_a_target_limit_that_bounces_while_it_is_cleared(home_type, direction):
+    one = rig(home_type)
+    made = spoilt(one, bouncing(0.002, 2), direction, target_of(one)[1] + 0.0005)
+    assert_homed(made.home(), TRUE_HOME[home_type], direction)
+
+
+# -- limits that are not the procedure's (section 6) ----------------------------------------------
+
+ACTIONS = ['ServoOff', 'DecServoOff', 'Dec', 'SlowDecServoOff', 'SlowDec']
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('ls_type', ACTIONS)
+@pytest.mark.parametrize('home_type', ['ZPulse', 'TouchProbe'])
+def test_ls_types(home_type, direction, ls_type):
+    one = rig(home_type, ls_type=ls_type, homing_velocity_slow=0.2).built(
+        index_pitch=0.0, touch_probe=None)
+    made = one.rehearsal(direction)
+    course = made.home()
+    assert error_of(course) is Error.LSTriggered
+    assert 'positive' in course.outcome.message or direction < 0
+    assert made.axis.servo_on == ('ServoOff' not in ls_type)
+    beyond = furthest(course, direction) - 0.09
+    if ls_type == 'ServoOff':
+        assert beyond < 0.0011
+        assert abs(course.samples[-1].velocity) > 0.19
+    else:
+        hardest = max(abs(s.acceleration) for s in course.samples[-30:])
+        dec = 4.0 if 'Slow' in ls_type else 8.0
+        assert hardest <= dec * (1 + 1e-9)
+        assert hardest > 0.75 * dec
+        assert course.samples[-1].velocity == 0.0
+        assert 0.2**2 / 2 / dec < beyond < 0.2**2 / 2 / dec + 0.2 * (dec / 500 + 0.006)
+
+
+@BOTH_WAYS
+def test_a_limit_without_a_type_is_passed(direction):
+    one = rig('ZPulse', ls_type='None').built(index_offset=0.095, index_pitch=0.2)
+    assert_homed(one.home(direction), 0.095, direction)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('second', ['ServoOff', 'Dec', 'DecServoOff'])
+def test_a_stronger_limit_takes_over(direction, second):
+    one = rig('ZPulse', near_ls_type='SlowDec', external_ls_type=second, ls_slow_dec=2,
+              homing_velocity_slow=0.2).built(index_pitch=0.0)
+    one = one.switched(**{NEAR_AHEAD: SwitchLayout(0.08, 1.0),
+                          EXTERNAL_AHEAD: SwitchLayout(0.084, 1.0)})
+    made = one.rehearsal(direction)
+    course = made.home()
+    assert error_of(course) is Error.LSTriggered
+    assert 'near' in course.outcome.message
+    assert made.axis.servo_on == (second == 'Dec')
+    if second == 'ServoOff':
+        assert furthest(course, direction) < 0.0851
+    else:
+        assert furthest(course, direction) < 0.088
+
+
+@BOTH_WAYS
+def test_a_weaker_limit_does_not(direction):
+    one = rig('ZPulse', near_ls_type='Dec', external_ls_type='SlowDec', ls_slow_dec=1,
+              homing_velocity_slow=0.2).built(index_pitch=0.0)
+    one = one.switched(**{NEAR_AHEAD: SwitchLayout(0.08, 1.0),
+                          EXTERNAL_AHEAD: SwitchLayout(0.081, 1.0)})
+    assert furthest(one.home(direction), direction) < 0.086
+
+
+@BOTH_WAYS
+def test_a_gentler_limit_does_not_soften_a_cancel(direction):
+    made = rig('ZPulse', ls_type='SlowDec', ls_slow_dec=0.5, homing_velocity_slow=0.2).built(
+        index_pitch=0.0).rehearsal(direction)
+    made.axis.home(0.0)
+    while direction * made.plant.position < 0.089:
+        made.cycle()
+    made.axis.cancel()
+    course = made.finish()
+    assert error_of(course) is Error.Canceled
+    assert furthest(course, direction) < 0.096
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', TYPES[14:17], ids=str)
+def test_a_motion_into_a_limit_that_is_on_is_not_started(home_type, direction):
+    one = rig(home_type, home_shift_distance=0.01)
+    course = one.home(direction, 0.095)
+    assert error_of(course) is Error.LSTriggered
+    assert 'not started' in course.outcome.message
+    assert course.samples == []
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', LIMIT_TYPES[2:], ids=str)
+def test_the_hardware_limit_ends_near_and_external_types(home_type, direction):
+    one = rig(home_type)
+    course = one.switched(**{target_of(one)[0]: SwitchLayout(0.2, 1.0)}).home(direction)
+    assert error_of(course) is Error.LSTriggered
+
+
+@BOTH_WAYS
+@ON_LIMIT_TYPES
+def test_the_other_tiers_ahead_are_ignored(home_type, direction):
+    """Whatever is neither the reference nor a hardware limit."""
+    one = rig(home_type, near_ls_type='ServoOff', external_ls_type='ServoOff')
+    others = {NEAR_AHEAD, EXTERNAL_AHEAD} - {target_of(one)[0]}
+    one = one.switched(**{name: SwitchLayout(0.06, 1.0) for name in others})
+    assert_homed(one.home(direction), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', [t for t in TRUE_HOME if 'Detection' not in t], ids=str)
+def test_swapped_limits_end_the_run(home_type, direction):
+    """The input behind is the one that the axis meets going toward."""
+    one = rig(home_type).built(index_pitch=0.0, touch_probe=None)
+    switches = dict(one.layout.switches)
+    switches[LIMIT_AHEAD], switches[LIMIT_BEHIND] = (
+        switches[LIMIT_BEHIND], SwitchLayout(0.055, 1.0))
+    course = one.built(switches=switches).home(direction)
+    assert error_of(course) is Error.LSTriggered
+    assert 'swapped' in course.outcome.message
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', [t for t in TYPES if t != 'CurrentPos'], ids=str)
+def test_both_limits_on(home_type, direction):
+    one = rig(home_type).switched(
+        **{LIMIT_BEHIND: SwitchLayout(-1, 1), LIMIT_AHEAD: SwitchLayout(-1, 1)})
+    course = one.home(direction)
+    assert error_of(course) is Error.LimitsBothOn
+    assert course.samples == []
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize(('start', 'state', 'inputs'), [
+    (0.03, 'HSSearch', [LIMIT_AHEAD, LIMIT_BEHIND]), (0.1, REVERSAL, [LIMIT_BEHIND])])
+def test_both_limits_on_during_a_run(direction, start, state, inputs):
+    made = rig('HS').rehearsal(direction, start)
+    course = injected(made, state, {on_side(one, direction): True for one in inputs}, after=3)
+    assert error_of(course) is Error.LimitsBothOn
+    assert course.samples[-1].velocity == 0.0
+
+
+def test_current_position_asks_no_limit():
+    one = rig('CurrentPos').switched(
+        **{LIMIT_BEHIND: SwitchLayout(-1, 1), LIMIT_AHEAD: SwitchLayout(-1, 1)})
+    assert_homed(one.home(), 0.05)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('everywhere', [False, True])
+def test_all_ls_during_homing(direction, everywhere):
+    """A near limit in the middle that rises while the axis leaves it at its other end."""
+    one = rig('MechanicalEndDetectionHS', all_ls_during_homing=everywhere, near_ls_type='Dec')
+    one = one.switched(**{NEAR_AHEAD: SwitchLayout(0.075, 0.08)}).but(
+        mechanical_end_detection_ignore_ls=False)
+    made = one.rehearsal(direction, 0.09)
+    course = made.home()
+    if everywhere:
+        assert error_of(course) is Error.LSTriggered
+        assert path(course)[-1] == REVERSAL
+    else:
+        assert_homed(course, 0.07, direction)
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+def test_all_ls_during_homing_leaves_the_reversal_alone(home_type, direction):
+    """A momentary limit rises again on the way back."""
+    one = rig(home_type, all_ls_during_homing=True).switched(
+        **{LIMIT_AHEAD: SwitchLayout(0.09, 0.0905)})
+    assert_homed(one.home(direction, 0.08), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@REVERSING_TYPES
+def test_a_bounce_of_the_limit_behind_that_is_left_is_no_hit(home_type, direction):
+    made = spoilt(rig(home_type), bouncing(), direction, 0.0)
+    assert_homed(made.home(), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@SEARCHING_TYPES
+def test_reversed_limit_inputs(home_type, direction):
+    """`ls_direction: Reverse` with the inputs wired the other way around."""
+    one = rig(home_type)
+    swap = {
+        name: (name.replace('positive', 'negative') if 'positive' in name
+               else name.replace('negative', 'positive')) for name in one.layout.switches}
+    wired = [swap.get(str(name), name) for name in one.values['switches']]
+    swapped = {swap[name]: flag for name, flag in one.layout.switches.items()}
+    course = one.built(switches=swapped).but(
+        switches=wired, ls_direction='Reverse').home(direction)
+    assert_homed(course, TRUE_HOME[home_type], direction)
+
+
+# -- the edge, the shift and the pulses (sections 3 and 7) ----------------------------------------
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize(('home_type', 'shift', 'reads'), [
+    (home_type, shift, reads) for home_type in TRUE_HOME
+    for shift, reads in ((0.0, 0.0), (-0.012, 1.5), (0.004, -0.25))
+    if shift <= 0.0 or not (home_type in LIMIT_TYPES or 'Detection' in home_type)])
+def test_home_shift_and_home_position(home_type, direction, shift, reads):
+    one = rig(home_type, home_shift_distance=shift, home_position=reads)
+    made = one.rehearsal(direction)
+    outcome = made.home().outcome
+    raw = direction * outcome.home_position_raw
+    assert raw == pytest.approx(TRUE_HOME[home_type], abs=outcome.uncertainty + 1e-9)
+    assert outcome.home_offset == pytest.approx(
+        outcome.home_position_raw + direction * shift - reads, abs=1e-12)
+    at_rest = made.axis.position
+    assert at_rest == pytest.approx(reads, abs=2e-6)
+    assert made.plant.position == pytest.approx(
+        direction * (raw + shift), abs=2e-6)
+
+
+@BOTH_WAYS
+def test_current_position_moves_only_to_shift(direction):
+    made = rig('CurrentPos').rehearsal(direction)
+    assert_homed(made.home(), 0.05, direction)
+    assert made.course.samples == []
+    assert made.axis.position == pytest.approx(0.25)
+    made = rig('CurrentPos', home_shift_distance=-0.01).rehearsal(direction)
+    assert_homed(made.home(), 0.05, direction)
+    assert direction * made.plant.position == pytest.approx(0.04)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize(('shift', 'error'), [
+    (0.04, Error.LSTriggered), (-0.07, Error.LSTriggered), (0.02, Error.NoError)])
+def test_a_limit_ends_the_home_shift(direction, shift, error):
+    course = rig('HS', home_shift_distance=shift).home(direction)
+    assert error_of(course) is error
+    assert path(course)[-1] == 'HomeShift'
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('count', [0, 1, 2, 4])
+@pytest.mark.parametrize('home_type', [t for t in TYPES if 'ZPulse' in t], ids=str)
+def test_the_nth_pulse(home_type, direction, count):
+    one = rig(home_type, multiple_z_pulse=count, z_pulse_distance_check=0.004).built(
+        index_pitch=0.004, index_offset=0.0013)
+    if 'HS' in home_type:  # leave room before the limit
+        one = one.switched(**{HS: SwitchLayout(0.050, 0.056)})
+    course = one.home(direction, 0.045)
+    edge = {'HSZPulse': 0.050, 'HSReverseZPulse': 0.050, 'HSOffZPulse': 0.056,
+            'HSOffReverseZPulse': 0.056, 'LSReverseZPulse': 0.09, 'NearLSReverseZPulse': 0.08,
+            'ExternalLSReverseZPulse': 0.085, 'ZPulse': 0.045,
+            'MechanicalEndDetectionReverseZPulse': END}[home_type]
+    pulses = [0.0013 + 0.004 * k for k in range(30)]
+    if 'Reverse' in home_type:
+        pulses = [p for p in reversed(pulses) if p < edge]
+    else:
+        pulses = [p for p in pulses if p > edge]
+    assert_homed(course, pulses[max(count, 1) - 1], direction)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize(('expected', 'tolerance', 'error'), [
+    (0.0, 0.05, Error.NoError), (0.01, 0.05, Error.NoError), (0.0104, 0.05, Error.NoError),
+    (0.0111, 0.05, Error.ZPulseDistanceCheckError), (0.0111, 0.2, Error.NoError),
+    (0.02, 0.05, Error.ZPulseDistanceCheckError)])
+def test_the_distance_of_the_pulses(direction, expected, tolerance, error):
+    course = rig('ZPulse', multiple_z_pulse=2, z_pulse_distance_check=expected,
+                 z_pulse_distance_tolerance=tolerance).home(direction)
+    assert error_of(course) is error
+    if error:
+        assert 'z_pulse_distance_check' in course.outcome.message or error is Error.NoError
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize(('bound', 'error'), [
+    (0.0, Error.NoError), (0.0034, Error.NoError), (0.003, Error.ZPulseNotFound)])
+def test_the_distance_to_the_pulse_is_bounded(direction, bound, error):
+    course = rig('HSZPulse', max_z_pulse_distance=bound).home(direction)
+    assert error_of(course) is error
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('apart', [-2e-4, -1e-6, 1e-6, 2e-4])
+@pytest.mark.parametrize('latch_delay', [0.0, 0.001, 0.002, 0.004, 0.01])
+@pytest.mark.parametrize('switch_delay', [0.0, 0.003, 0.01])
+def test_a_pulse_at_the_edge_is_decided_by_its_position(
+        direction, apart, latch_delay, switch_delay):
+    """However the messages overtake each other."""
+    one = rig('HSZPulse').built(index_offset=0.06 + apart).but(
+        Transport(latch_delay=latch_delay, switch_delay=switch_delay))
+    nearest = 0.06 + apart if apart > 0 else 0.07 + apart
+    assert_homed(one.home(direction), nearest, direction)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('latch_delay', [0.0, 0.005, 0.015])
+def test_a_pulse_passed_in_the_overrun_does_not_count(direction, latch_delay):
+    one = rig('HSReverseZPulse').built(index_offset=0.0602).but(
+        Transport(latch_delay=latch_delay))
+    assert_homed(one.home(direction), 0.0502, direction)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('hysteresis', [0.0, 1e-5, 5e-4])
+@SEARCHING_TYPES
+def test_hysteresis(home_type, direction, hysteresis):
+    one = rig(home_type)
+    flags = {name: SwitchLayout(f.on_from, f.on_to, hysteresis)
+             for name, f in one.layout.switches.items()}
+    home = TRUE_HOME[home_type]
+    if home_type is HomeType.HSOff:
+        home += hysteresis
+    if home_type in ('MechanicalEndDetectionHS', 'MechanicalEndDetectionLS'):
+        home -= hysteresis
+    assert_homed(one.switched(**flags).home(direction), home, direction)
+
+
+#: Types and starts before, on and beyond the home switch.
+FROM_THREE_PLACES = pytest.mark.parametrize(('home_type', 'start'), [
+    (home_type, start) for home_type in TRUE_HOME for start in (0.05, 0.063, 0.08)
+    if start < 0.06 or home_type in REVERSING])
+
+
+@BOTH_WAYS
+@FROM_THREE_PLACES
+def test_polarity_of_every_input(home_type, direction, start):
+    one = rig(home_type)
+    inverted = {name: SwitchLayout(f.on_from, f.on_to, inverted=True)
+                for name, f in one.layout.switches.items()}
+    names = {HS: 'invert_hs_polarity', LIMIT_AHEAD: 'invert_positive_ls_polarity',
+             LIMIT_BEHIND: 'invert_negative_ls_polarity',
+             NEAR_AHEAD: 'invert_near_positive_ls_polarity',
+             EXTERNAL_AHEAD: 'invert_external_positive_ls_polarity'}
+    flags = {names[name]: True for name in inverted}
+    course = one.switched(**inverted).but(**flags).home(direction, start)
+    plain = rig(home_type).home(direction, start)
+    assert course.samples == plain.samples
+    assert course.outcome == plain.outcome
+
+
+@BOTH_WAYS
+@SEARCHING_TYPES
+@pytest.mark.parametrize('debounce', [0.0, 0.01])
+def test_contact_bounce(home_type, direction, debounce):
+    """With and without a debounce the first edge is the reference."""
+    made = spoilt(rig(home_type, switch_debounce=debounce), bouncing(0.0002), direction)
+    assert_homed(made.home(), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('start', [0.05, 0.063, 0.08])
+@REVERSING_TYPES
+def test_contact_bounce_from_everywhere(home_type, direction, start):
+    made = spoilt(rig(home_type), bouncing(0.0003), direction, start)
+    assert_homed(made.home(), TRUE_HOME[home_type], direction)
+
+
+@BOTH_WAYS
+@SEARCHING_TYPES
+def test_a_debounce_costs_no_accuracy(home_type, direction):
+    transport = Transport(feedback_rate=1000.0)
+    one = rig(home_type, switch_debounce=0.02).but(transport)
+    if home_type in REVERSING:
+        one = one.switched(**{HS: SwitchLayout(0.06, 0.074)})
+    course = one.home(direction)
+    home = TRUE_HOME[home_type]
+    if home_type in HS_OFF_TYPES:
+        home = {'HSOff': 0.074, 'HSOffZPulse': 0.0833, 'HSOffReverseZPulse': 0.0733}[home_type]
+    assert_homed(course, home, direction)
+    assert course.outcome.uncertainty <= 0.2 * 0.001 + 1e-9
+
+
+@BOTH_WAYS
+@SEARCHING_TYPES
+@pytest.mark.parametrize('transport', [
+    Transport(feedback_delay=0.03),
+    Transport(switch_delay=0.03),
+    Transport(latch_delay=0.03),
+    Transport(jitter=0.02, seed=1),
+    Transport(100.0, 50.0, 0.01, 0.01, 0.01, 0.005),
+    Transport(1000.0, 100.0),
+], ids=['late feedback', 'late switches', 'late latches', 'jitter', 'slow', 'fast'])
+def test_messages_on_the_way(home_type, direction, transport):
+    one = rig(home_type, following_error=0.05, wrong_direction_distance=0.02,
+              homing_velocity_fast=0.1).but(transport)
+    course = one.home(direction)
+    assert_homed(course, TRUE_HOME[home_type], direction, more=1e-6)
+    assert course.outcome.uncertainty <= 0.1 / transport.feedback_rate + 1e-9
+
+
+@BOTH_WAYS
+def test_open_loop_homing_takes_the_command(direction):
+    one = rig('HS', open_loop_homing=True, max_jerk=5000).built(lag=0.02)
+    course = one.home(direction)
+    closed = rig('HS', max_jerk=5000).built(lag=0.02).home(direction)
+    ahead = home_of(course, direction) - home_of(closed, direction)
+    assert ahead == pytest.approx(0.2 * 0.022, abs=0.2 * 0.005)
+
+
+@BOTH_WAYS
+@SEARCHING_TYPES
+def test_open_loop_homing_homes_every_type(home_type, direction):
+    course = rig(home_type, open_loop_homing=True).home(direction)
+    assert error_of(course) is Error.NoError
+    assert home_of(course, direction) == pytest.approx(TRUE_HOME[home_type], abs=0.002)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('latency', [0.0, 0.01])
+def test_the_drivers_own_latency_is_taken_off(direction, latency):
+    made = spoilt(rig('HS', switch_latency=latency),
+                  lambda one: (one._replace(time=one.time + 0.01),), direction)
+    late = home_of(made.home(), direction) - 0.06
+    assert late == pytest.approx(0.2 * (0.01 - latency), abs=1e-5)
+
+
+# -- both at once, and out of order (section 5 and 7) ---------------------------------------------
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('apart', [-1e-4, 0.0, 1e-4])
+@pytest.mark.parametrize('late', [0.0, 0.002, 0.01])
+@pytest.mark.parametrize('which', [HS, LIMIT_AHEAD])
+def test_the_earlier_edge_decides_however_late_it_arrives(direction, apart, late, which):
+    """The limit rises `apart` after the home switch; one of the messages is late."""
+    one = rig('HS').switched(**{HS: SwitchLayout(0.06, 0.08),
+                                LIMIT_AHEAD: SwitchLayout(0.06 + apart, 1.0)})
+    made = one.rehearsal(direction)
+    late_input = on_side(which, direction)
+    send = made._send
+    made._send = lambda topic, due, deliver: send(
+        topic, due + (late if topic == late_input else 0.0), deliver)
+    course = made.home()
+    if apart > 0.0:
+        assert_homed(course, 0.06, direction)
+    else:
+        assert error_of(course) is Error.LSTriggered
+
+
+# -- errors (sections 8 and 9) --------------------------------------------------------------------
+
+
+@BOTH_WAYS
+@SEARCHING_TYPES
+def test_every_search_is_bounded(home_type, direction):
+    """Nothing is ever found: no switch, no pulse, no end."""
+    one = rig(home_type, max_search_distance=0.02).built(
+        index_pitch=0.0, touch_probe=None, hard_stops=(-9.0, 9.0))
+    switches = {name: SwitchLayout(5.0, 6.0) for name in one.layout.switches}
+    course = one.switched(**switches).home(direction)
+    assert error_of(course) is Error.SearchDistanceExceeded
+    assert f'within 0.02 m (max_search_distance) in {path(course)[0]}' in course.outcome.message
+    assert furthest(course, direction) < 0.05 + 0.02 + 0.2**2 / 2 / 8 + 0.01
+    assert course.samples[-1].velocity == 0.0
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', [t for t in TRUE_HOME if 'Reverse' in t], ids=str)
+def test_the_reverse_search_is_bounded(home_type, direction):
+    one = rig(home_type, max_search_distance=0.06, travel=0.5).built(
+        index_pitch=0.0, hard_stops=(-9.0, END if 'Detection' in home_type else 9.0))
+    one = one.switched(**{LIMIT_BEHIND: SwitchLayout(-9.0, -5.0)})
+    course = one.home(direction)
+    assert error_of(course) is Error.SearchDistanceExceeded
+    assert 'no Z-pulse came' in course.outcome.message
+
+
+@BOTH_WAYS
+def test_a_run_is_bounded_in_time(direction):
+    course = rig('HS', timeout=0.1).home(direction, 0.01)
+    assert error_of(course) is Error.Timeout
+    assert course.outcome.message == (
+        'axis x: not ended within 0.1 s (timeout) in HSSearch')
+    assert course.duration < 0.2
+
+
+@BOTH_WAYS
+def test_an_edge_that_is_not_repeated(direction):
+    """Noise was taken for the home switch in the first pass."""
+    made = rig('HSHS', edge_tolerance=0.001).rehearsal(direction, 0.03)
+    made.axis.home(0.0)
+    while direction * made.plant.position < 0.05:
+        made.cycle()
+    made.axis.switch(Input(HS), made.time, True)
+    while made.axis.state != 'HSClearReverse' or made.axis.machine.step.phase:
+        made.cycle()
+    while direction * made.plant.position > 0.045:
+        made.cycle()
+    made.axis.switch(Input(HS), made.time, False)
+    course = made.finish()
+    assert error_of(course) is Error.EdgeNotRepeated
+    assert 'edge_tolerance' in course.outcome.message
+
+
+# -- mechanical ends ------------------------------------------------------------------------------
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('duration', [0.0, 0.1])
+def test_the_mechanical_end_must_last(direction, duration):
+    quick = rig('MechanicalEndDetection', mechanical_end_detection_time=0.0).home(direction)
+    course = rig('MechanicalEndDetection', mechanical_end_detection_time=duration).home(direction)
+    assert_homed(course, END, direction)
+    assert course.duration - quick.duration == pytest.approx(
+        duration * (1 + 0.05 / 0.2), abs=0.03)
+
+
+@BOTH_WAYS
+def test_a_limit_before_the_mechanical_end(direction):
+    one = rig('MechanicalEndDetectionLS')
+    assert_homed(one.home(direction), 0.09, direction)
+    course = one.but(mechanical_end_detection_ignore_ls=False).home(direction)
+    assert error_of(course) is Error.LSTriggered
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize(('home_type', 'flag'), [
+    ('MechanicalEndDetectionHS', HS), ('MechanicalEndDetectionLS', LIMIT_AHEAD)])
+def test_an_edge_that_rises_after_the_mechanical_end(home_type, flag, direction):
+    one = rig(home_type).switched(**{flag: SwitchLayout(0.08, 0.085)})
+    assert_homed(one.home(direction, 0.09), 0.085, direction)
+
+
+# -- pauses ---------------------------------------------------------------------------------------
+
+
+@BOTH_WAYS
+@FROM_THREE_PLACES
+def test_pause_mode(home_type, direction, start):
+    """A pause before each reversal; the home is the same."""
+    one = rig(home_type, pause_mode=True)
+    made = one.rehearsal(direction, start)
+    made.axis.home(0.0)
+    pauses, at_rest = 0, 0
+    while made.axis.running:
+        setpoint = made.cycle()
+        at_rest = at_rest + 1 if made.axis.paused and setpoint.velocity == 0.0 else 0
+        if at_rest > 5:
+            made.axis.resume()
+            pauses += 1
+    course = made.finish()
+    assert_homed(course, TRUE_HOME[home_type], direction)
+    assert pauses >= 1
+    turns = [s for s, t in zip(course.samples, course.samples[1:], strict=False)
+             if s.velocity * t.velocity < 0.0]
+    assert turns == []
+
+
+# -- coverage -------------------------------------------------------------------------------------
+
+
+def test_every_arrow_was_taken(arrows_taken):
+    """Every arrow of every table was taken by some run of this file."""
+    every = {(home_type, step, event) for home_type, procedure in PROCEDURES.items()
+             for step, row in procedure.rows.items() for event in row.on}
+    missed = sorted(f'{home_type}: {step} -- {event}'
+                    for home_type, step, event in every - arrows_taken)
+    assert not missed, '\n'.join(['not taken:', *missed])

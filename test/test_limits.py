@@ -1,0 +1,107 @@
+"""What each limit switch means to a run."""
+
+import pytest
+from core_rig import LIMIT_TYPES, QUICK, TYPES, rig
+
+from homing_node.limits import Action, limits_of, ls_action
+from homing_node.motions import Way
+from homing_node.parameters import axis_parameters
+from homing_node.states import LIMIT_SWITCHES, Input, LSType, Role, Tier
+
+ACTIONS = {
+    LSType.none: None,
+    LSType.ServoOff: Action(None, True),
+    LSType.DecServoOff: Action(8.0, True),
+    LSType.Dec: Action(8.0),
+    LSType.SlowDecServoOff: Action(4.0, True),
+    LSType.SlowDec: Action(4.0),
+}
+
+
+@pytest.mark.parametrize('ls_type', ACTIONS, ids=str)
+def test_actions(ls_type):
+    assert ls_action(ls_type, rig('HS').parameters()) == ACTIONS[ls_type]
+
+
+def all_wired(home_type='ZPulse', **changes):
+    return axis_parameters({
+        **QUICK, 'home_type': home_type, 'near_ls_type': 'SlowDec', 'external_ls_type': 'ServoOff',
+        'switches': ['home_switch', 'z_pulse', 'touch_probe', *map(str, LIMIT_SWITCHES)],
+        'mechanical_end_detection_pos_diff': 0.001, **changes})
+
+
+@pytest.mark.parametrize('ls_direction', ['Normal', 'Reverse'])
+@pytest.mark.parametrize('home_direction', ['Positive', 'Negative'])
+def test_which_end_a_limit_guards(home_direction, ls_direction):
+    limits = limits_of(all_wired(home_direction=home_direction, ls_direction=ls_direction))
+    positive_is_ahead = (home_direction == 'Positive') == (ls_direction == 'Normal')
+    for switch, limit in limits.items():
+        assert limit.input is switch
+        positive = 'positive' in switch
+        assert limit.way is (Way.TOWARD if positive == positive_is_ahead else Way.AWAY)
+        assert ('ahead' in limit.name) == (limit.way is Way.TOWARD)
+
+
+@pytest.mark.parametrize('home_type', TYPES, ids=str)
+def test_a_limit_behind_is_always_normal(home_type):
+    limits = limits_of(all_wired(home_type))
+    assert len(limits) == 6
+    assert {one.role for one in limits.values() if one.way is Way.AWAY} == {Role.NORMAL}
+
+
+@pytest.mark.parametrize('home_type', TYPES, ids=str)
+def test_a_limit_ahead_has_the_types_role(home_type):
+    parameters = all_wired(home_type)
+    for limit in limits_of(parameters).values():
+        if limit.way is Way.TOWARD:
+            assert limit.role is parameters.procedure.limits_ahead[limit.tier]
+
+
+@pytest.mark.parametrize('home_type', TYPES, ids=str)
+def test_ignoring_limits_concerns_only_those_ahead_of_a_mechanical_end(home_type):
+    ignoring = limits_of(all_wired(home_type, mechanical_end_detection_ignore_ls=True))
+    usual = limits_of(all_wired(home_type))
+    for switch, limit in ignoring.items():
+        if home_type.value.startswith('Mechanical') and limit.way is Way.TOWARD:
+            assert limit.role is Role.IGNORED
+        else:
+            assert limit == usual[switch]
+
+
+def test_separate_actions():
+    limits = limits_of(all_wired(
+        ls_type='SeparatePositiveLSNegativeLS', positive_ls_type='ServoOff',
+        negative_ls_type='SlowDec'))
+    assert limits[Input.POSITIVE_LIMIT_SWITCH].action == Action(None, True)
+    assert limits[Input.NEGATIVE_LIMIT_SWITCH].action == Action(4.0)
+
+
+@pytest.mark.parametrize('tier', [Tier.NEAR, Tier.EXTERNAL], ids=str)
+def test_a_near_or_external_limit_without_a_type_is_disabled(tier):
+    limits = limits_of(all_wired(**{f'{tier}_ls_type': 'None'}))
+    assert tier not in {limit.tier for limit in limits.values()}
+
+
+def test_one_near_limit_of_a_pair():
+    limits = limits_of(all_wired(
+        near_ls_type='SeparatePositiveLSNegativeLS', near_positive_ls_type='Dec',
+        near_negative_ls_type='None'))
+    assert Input.NEAR_POSITIVE_LIMIT_SWITCH in limits
+    assert Input.NEAR_NEGATIVE_LIMIT_SWITCH not in limits
+
+
+def test_a_hardware_limit_without_a_type_still_steers():
+    limit = limits_of(all_wired('HS', ls_type='None'))[Input.POSITIVE_LIMIT_SWITCH]
+    assert limit.role is Role.REVERSAL
+    assert limit.action is None
+
+
+def test_a_limit_that_is_not_wired_means_nothing():
+    assert set(limits_of(all_wired(switches=['z_pulse', 'positive_limit_switch']))) == {
+        Input.POSITIVE_LIMIT_SWITCH}
+
+
+@pytest.mark.parametrize('home_type', LIMIT_TYPES, ids=str)
+def test_limit_types_have_one_reference(home_type):
+    roles = [limit.role for limit in limits_of(all_wired(home_type)).values()]
+    assert roles.count(Role.REFERENCE) == 1

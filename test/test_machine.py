@@ -1,0 +1,322 @@
+"""The rules that hold in every row, one by one: the machine with switches set by hand."""
+
+import pytest
+from core_rig import HS, LIMIT_AHEAD, LIMIT_BEHIND, NEAR_AHEAD, rig
+
+from homing_node.events import Event
+from homing_node.machine import Machine
+from homing_node.procedures import (
+    HOME_SHIFT,
+    HS_CLEAR_REVERSE,
+    HS_CLEAR_REVERSE_AT_START,
+    HS_CLEAR_REVERSE_FURTHER,
+    HS_FALLING_EDGE_SEARCH_REVERSE,
+    HS_OFF_SEARCH,
+    HS_SEARCH,
+    LS_FALLING_EDGE_SEARCH_REVERSE,
+    LS_SEARCH,
+    SECOND_HS_SEARCH,
+    Z_PULSE_SEARCH_REVERSE,
+    Z_PULSE_SEARCH_REVERSE_ARMED,
+)
+from homing_node.profile import Profile
+from homing_node.signals import Edge, Switch
+from homing_node.simulation import SwitchLayout
+from homing_node.states import Error, Input, State
+
+PERIOD = 0.004
+
+
+class Hand:
+    """A machine whose axis follows at once, and whose switches are set by hand."""
+
+    def __init__(self, home_type, on=(), start=0.05, near=False, **changes):
+        one = rig(home_type, **changes)
+        if near:
+            one = one.switched(**{NEAR_AHEAD: SwitchLayout(0.0, 0.1)}).but(near_ls_type='Dec')
+        parameters = one.parameters()
+        self.profile = Profile(PERIOD, parameters.max_jerk, start)
+        self.switches = {Input(name): Switch(Input(name)) for name in one.layout.switches}
+        for name, switch in self.switches.items():
+            switch.level = name in on
+        self.now = 0.0
+        self.machine = Machine(parameters, self.profile, self.switches, self.now, start)
+        self.machine.begin()
+
+    def run(self, cycles=20, feedback=None):
+        for _ in range(cycles):
+            self.profile.update()
+            self.now += PERIOD
+            at = self.profile.position if feedback is None else feedback(self.profile.position)
+            self.machine.update(self.now, at)
+        return self
+
+    def edge(self, name, rises, way=None, position=None, time=None):
+        """Set a level, and hand the edge over."""
+        edge = Edge(Input(name), self.now if time is None else time, rises)
+        edge.position = self.profile.position if position is None else position
+        edge.way = (1 if self.profile.velocity > 0 else -1) if way is None else way
+        edge.resolved = True
+        self.switches[edge.input].level = rises
+        if edge.input is not Input.HOME_SWITCH:
+            (self.machine.limit_rises if rises else self.machine.limit_falls)(edge.input)
+        self.machine.edge(edge)
+        return self
+
+    @property
+    def step(self):
+        return self.machine.step
+
+    @property
+    def error(self):
+        return self.machine.error
+
+
+# -- where it begins ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(('home_type', 'on', 'step'), [
+    ('HS', (), HS_SEARCH),
+    ('HS', (HS,), HS_CLEAR_REVERSE_AT_START),
+    ('HS', (LIMIT_AHEAD,), HS_FALLING_EDGE_SEARCH_REVERSE),
+    ('HS', (HS, LIMIT_AHEAD), HS_FALLING_EDGE_SEARCH_REVERSE),
+    ('HS', (LIMIT_BEHIND,), HS_SEARCH),
+    ('HSOff', (HS,), HS_OFF_SEARCH),
+    ('HSOff', (HS, LIMIT_AHEAD), HS_FALLING_EDGE_SEARCH_REVERSE),
+    ('LS', (), LS_SEARCH),
+    ('LS', (LIMIT_AHEAD,), LS_FALLING_EDGE_SEARCH_REVERSE),
+    ('NearLS', (LIMIT_BEHIND,), LS_SEARCH),
+    ('NearLS', (LIMIT_AHEAD, NEAR_AHEAD), LS_FALLING_EDGE_SEARCH_REVERSE),
+])
+def test_the_first_row(home_type, on, step):
+    hand = Hand(home_type, on)
+    assert hand.step == step
+    assert hand.error is Error.NoError
+
+
+@pytest.mark.parametrize(('home_type', 'on', 'error'), [
+    ('HS', (LIMIT_AHEAD, LIMIT_BEHIND), Error.LimitsBothOn),
+    ('HS', (HS, LIMIT_BEHIND), Error.LSTriggered),  # clearing would go into the limit behind
+    ('LS', (LIMIT_AHEAD, LIMIT_BEHIND), Error.LimitsBothOn),
+    ('NearLS', (LIMIT_AHEAD,), Error.LSTriggered),
+    ('ZPulse', (LIMIT_AHEAD,), Error.LSTriggered),
+])
+def test_what_is_not_begun(home_type, on, error):
+    hand = Hand(home_type, on)
+    assert hand.error is error
+    hand.run(1)
+    assert hand.machine.finished
+    assert hand.profile.position == 0.05
+
+
+# -- which edges count --------------------------------------------------------------------------
+
+
+def test_an_edge_of_the_other_way_does_not_count():
+    hand = Hand('HSHS').run()
+    hand.edge(HS, True).edge(HS, False)  # the overrun past a narrow flag
+    assert hand.step == HS_CLEAR_REVERSE
+    hand.run(40).edge(HS, True).edge(HS, False)  # back over it
+    assert hand.step == HS_CLEAR_REVERSE_FURTHER
+
+
+def test_a_fall_beyond_the_rise_is_the_flags_far_end():
+    hand = Hand('HSHS').run().edge(HS, True, position=0.06)
+    hand.edge(HS, False, way=-1, position=0.0615)
+    assert hand.step == HS_CLEAR_REVERSE
+    hand.edge(HS, False, way=-1, position=0.0605)
+    assert hand.step == HS_CLEAR_REVERSE_FURTHER
+
+
+def test_a_fall_right_behind_the_rise_is_a_bounce():
+    hand = Hand('HSOff').run().edge(HS, True, position=0.06)
+    hand.edge(HS, False, position=0.0605).edge(HS, True, position=0.0606)
+    assert hand.step == HS_OFF_SEARCH
+    hand.edge(HS, False, position=0.066)
+    assert hand.step == HOME_SHIFT
+    assert hand.machine.reference.position == 0.066
+
+
+def test_the_tolerance_of_the_second_pass_is_not_the_reach_of_a_bounce():
+    hand = Hand('HSOff', edge_tolerance=0.05).run().edge(HS, True, position=0.06)
+    hand.edge(HS, False, position=0.066)
+    assert hand.step == HOME_SHIFT
+
+
+def test_a_switch_that_is_on_though_no_rise_counted_is_cleared():
+    hand = Hand('HS').run(1).edge(HS, True, way=-1)
+    assert hand.step == HS_CLEAR_REVERSE_AT_START
+
+
+def test_a_switch_that_is_on_when_the_second_pass_begins_is_cleared():
+    hand = Hand('HSHS').run().edge(HS, True).run(60).edge(HS, False).run(1)
+    assert hand.step == SECOND_HS_SEARCH
+    hand.edge(HS, True, way=-1)
+    assert hand.step == HS_CLEAR_REVERSE
+
+
+def test_the_limit_that_arms_a_reverse_search_must_fall_going_away():
+    hand = Hand('LSReverseZPulse').run().edge(LIMIT_AHEAD, True)
+    hand.edge(LIMIT_AHEAD, False)
+    assert hand.step == Z_PULSE_SEARCH_REVERSE
+    hand.run(40).edge(LIMIT_AHEAD, True).edge(LIMIT_AHEAD, False)
+    assert hand.step == Z_PULSE_SEARCH_REVERSE_ARMED
+
+
+# -- an earlier edge that arrives later ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(('limit_time', 'step'), [
+    (0.07, HS_FALLING_EDGE_SEARCH_REVERSE), (0.08, HS_FALLING_EDGE_SEARCH_REVERSE),
+    (0.09, HOME_SHIFT)])
+@pytest.mark.parametrize('limit_first', [False, True])
+def test_the_earlier_edge_decides_the_limit_if_equal(limit_time, step, limit_first):
+    hand = Hand('HS').run()
+    edges = [(HS, 0.08), (LIMIT_AHEAD, limit_time)]
+    for name, time in reversed(edges) if limit_first else edges:
+        hand.edge(name, True, way=1, time=time)
+    assert hand.step == step
+    assert hand.error is Error.NoError
+
+
+def test_a_decision_that_was_undone_leaves_the_reversal_unused():
+    hand = Hand('HSHS').run()
+    hand.edge(LIMIT_AHEAD, True, way=1, time=0.09).edge(HS, True, way=1, time=0.08)
+    assert hand.step == HS_CLEAR_REVERSE
+    hand.run(80).edge(LIMIT_AHEAD, False).edge(HS, False).run(40)
+    assert hand.step == SECOND_HS_SEARCH
+    hand.edge(LIMIT_AHEAD, True)
+    assert hand.step == HS_FALLING_EDGE_SEARCH_REVERSE
+    assert hand.error is Error.NoError
+
+
+def test_once_the_axis_is_at_rest_nothing_is_undone():
+    hand = Hand('HS').run().edge(HS, True, time=0.08).run(60)
+    assert hand.machine.finished
+    hand.edge(LIMIT_AHEAD, True, way=1, time=0.07)
+    assert hand.step != HS_FALLING_EDGE_SEARCH_REVERSE
+
+
+# -- limits -------------------------------------------------------------------------------------
+
+
+def test_a_limit_ahead_while_it_brakes_for_the_reference_ends_nothing():
+    hand = Hand('HS', ls_dec=50).run().edge(HS, True).run(1)
+    soft = Hand('HS', ls_dec=50).run().edge(HS, True).run(1)
+    hand.edge(LIMIT_AHEAD, True)
+    assert hand.step == HOME_SHIFT
+    assert hand.error is Error.NoError
+    furthest = []
+    for one in (hand, soft):
+        one.run(6)
+        furthest.append(one.profile.position)
+    assert furthest[0] < furthest[1]
+
+
+def test_unless_the_home_shift_goes_on_toward_it():
+    hand = Hand('HS', home_shift_distance=0.02).run().edge(HS, True).run(1)
+    hand.edge(LIMIT_AHEAD, True)
+    assert hand.error is Error.NoError
+    hand.run(20)
+    assert hand.error is Error.LSTriggered
+
+
+def test_a_limit_ahead_while_it_turns_ends_nothing():
+    hand = Hand('HSHS').run().edge(HS, True).run(1).edge(LIMIT_AHEAD, True)
+    assert hand.step == HS_CLEAR_REVERSE
+    assert hand.error is Error.NoError
+
+
+def test_a_normal_limit_that_rises_while_the_axis_turns_to_it():
+    """Nothing goes into it yet, but would."""
+    hand = Hand('NearLS', on=(NEAR_AHEAD,)).run(60).edge(NEAR_AHEAD, False)
+    while hand.step != LS_SEARCH:
+        hand.run(1)
+    assert hand.profile.velocity < 0.0
+    hand.edge(LIMIT_AHEAD, True, way=-1)
+    assert hand.error is Error.LSTriggered
+
+
+def test_a_limit_behind_that_rises_while_it_moves_toward_may_be_swapped():
+    hand = Hand('HS').run().edge(LIMIT_BEHIND, True)
+    assert hand.error is Error.LSTriggered
+    assert 'swapped' in hand.machine.message
+
+
+def test_a_limit_behind_that_is_left_may_bounce():
+    hand = Hand('HS', on=(LIMIT_BEHIND,)).run(3)
+    hand.edge(LIMIT_BEHIND, False).edge(LIMIT_BEHIND, True).edge(LIMIT_BEHIND, False)
+    assert hand.error is Error.NoError
+    hand.run(20).edge(LIMIT_BEHIND, True)
+    assert hand.error is Error.LSTriggered
+
+
+def test_the_first_error_stays():
+    hand = Hand('HS').run()
+    hand.machine.fail(Error.CycleLate, 'late')
+    hand.machine.fail(Error.EmergencyStop, 'emergency stop')
+    hand.machine.cancel()
+    assert hand.error is Error.CycleLate
+    assert hand.machine.message == 'late'
+    assert hand.machine.state is State.HSSearch
+
+
+# -- bounds, and what is told -------------------------------------------------------------------
+
+
+def test_the_search_bound_counts_from_the_turning_point():
+    hand = Hand('HSHS', max_search_distance=0.03).run(24).edge(HS, True)
+    gone = hand.machine.traveled
+    assert gone[1] == 0.03
+    hand.run(1000)
+    assert hand.error is Error.SearchDistanceExceeded
+    turning_point = 0.05 + 0.0001
+    assert hand.profile.position < turning_point
+
+
+@pytest.mark.parametrize('following', [lambda at: at, lambda at: 0.05 + 2.0 * (at - 0.05)])
+def test_command_and_feedback_are_both_bounded(following):
+    """An axis that goes twice as far as it is told is stopped by its feedback."""
+    hand = Hand('HS', max_search_distance=0.02, following_error=1).run(60, following)
+    assert hand.error is Error.SearchDistanceExceeded
+    assert following(hand.profile.position) < 0.05 + 0.02 + 0.02
+
+
+def test_arrows_are_remembered():
+    hand = Hand('HS').run().edge(HS, True).run(80)
+    assert hand.machine.finished
+    assert [event for _, event in hand.machine.arrows] == [
+        Event.HS_RISES, Event.DONE, Event.DONE]
+
+
+def test_a_pulse_that_was_latched_before_the_turn_is_forgotten():
+    hand = Hand('HSReverseZPulse').run()
+    hand.machine.latch(Input.Z_PULSE, 0.0401)
+    hand.edge(HS, True).run(1)
+    hand.machine.latch(Input.Z_PULSE, 0.0402)  # its message was late
+    hand.run(40).edge(HS, False).run(1)
+    assert hand.step == Z_PULSE_SEARCH_REVERSE_ARMED
+    hand.machine.latch(Input.Z_PULSE, 0.0400)
+    hand.run(120)
+    assert hand.machine.reference.position == 0.0400
+
+
+def test_a_pause_holds_before_the_turn_and_continues():
+    hand = Hand('HSHS', pause_mode=True).run().edge(HS, True)
+    assert hand.machine.paused
+    hand.run(40)
+    assert hand.profile.velocity == 0.0
+    hand.machine.resume()
+    assert not hand.machine.paused
+    hand.run(2)
+    assert hand.profile.velocity < 0.0
+
+
+def test_a_limit_that_rises_during_a_pause_brakes_harder_and_ends_nothing():
+    hand = Hand('HSHS', pause_mode=True).run().edge(HS, True).edge(LIMIT_AHEAD, True)
+    assert hand.machine.paused
+    assert hand.error is Error.NoError
+    hand.run(40)
+    hand.machine.resume()
+    hand.run(5)
+    assert hand.profile.velocity < 0.0

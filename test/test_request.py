@@ -1,0 +1,129 @@
+"""Groups of axes: order, failure, cancellation."""
+
+import pytest
+
+from homing_node.axis import Outcome
+from homing_node.request import Request
+from homing_node.states import Error, State
+
+
+class FakeAxis:
+    """An axis whose runs end when the test says so."""
+
+    def __init__(self, name):
+        self.name = name
+        self.running = False
+        self.refused = None
+        self.outcome = Outcome(Error.NoError)
+        self.canceled = 0
+        self.runs = 0
+        self.state = State.Idle
+
+    def refusal(self, now):
+        return self.refused
+
+    def home(self, now):
+        assert not self.running
+        self.running = True
+        self.runs += 1
+        self.state = State.HSSearch
+
+    def cancel(self):
+        self.canceled += 1
+
+    def end(self, error=Error.NoError):
+        assert self.running
+        self.running = False
+        self.state = State.Idle
+        self.outcome = Outcome(error, f'axis {self.name}: …', 1.0, 1.0, 0.1)
+
+
+@pytest.fixture
+def axes():
+    return {name: FakeAxis(name) for name in 'xyz'}
+
+
+def running(axes):
+    return ''.join(name for name, axis in axes.items() if axis.running)
+
+
+def errors(request):
+    return {name: str(outcome.error) for name, outcome in request.outcomes.items()}
+
+
+def test_groups_one_after_another(axes):
+    request = Request([['z'], ['x', 'y']], axes, 'owner')
+    assert request.names == ('z', 'x', 'y')
+    request.start(0.0)
+    assert running(axes) == 'z'
+    assert not request.update(0.1)
+    axes['z'].end()
+    assert not request.update(0.2)
+    assert running(axes) == 'xy'
+    axes['y'].end()
+    assert not request.update(0.3)
+    assert running(axes) == 'x'
+    assert not request.success
+    axes['x'].end()
+    assert request.update(0.4)
+    assert request.done
+    assert request.success
+    assert set(request.outcomes) == set('xyz')
+    assert not any(axis.canceled for axis in axes.values())
+
+
+def test_one_that_fails_stops_its_group_and_later_ones_do_not_start(axes):
+    request = Request([['x', 'y'], ['z']], axes, 'owner')
+    request.start(0.0)
+    axes['x'].end(Error.LSTriggered)
+    assert not request.update(0.1)
+    assert axes['y'].canceled
+    axes['y'].end(Error.Canceled)
+    assert request.update(0.2)
+    assert axes['z'].runs == 0
+    assert errors(request) == {'x': 'LSTriggered', 'y': 'Canceled', 'z': 'Canceled'}
+    assert request.outcomes['z'].message == 'axis z: not started: axis x failed'
+    assert not request.success
+
+
+def test_one_that_is_refused_keeps_its_whole_group_from_starting(axes):
+    axes['y'].refused = Outcome(Error.SwitchUnknown, 'axis y: …')
+    request = Request([['x', 'y'], ['z']], axes, 'owner')
+    request.start(0.0)
+    assert request.done
+    assert not any(axis.runs for axis in axes.values())
+    assert errors(request) == {'x': 'Canceled', 'y': 'SwitchUnknown', 'z': 'Canceled'}
+    assert 'y was refused' in request.outcomes['x'].message
+
+
+def test_a_refusal_of_a_later_group(axes):
+    request = Request([['x'], ['y'], ['z']], axes, 'owner')
+    request.start(0.0)
+    axes['y'].refused = Outcome(Error.FeedbackStale, 'axis y: …')
+    axes['x'].end()
+    assert request.update(0.1)
+    assert errors(request) == {'x': 'NoError', 'y': 'FeedbackStale', 'z': 'Canceled'}
+
+
+def test_cancel(axes):
+    request = Request([['x', 'y'], ['z']], axes, 'owner')
+    request.start(0.0)
+    request.cancel()
+    assert (axes['x'].canceled, axes['y'].canceled, axes['z'].canceled) == (1, 1, 0)
+    axes['x'].end(Error.Canceled)
+    axes['y'].end()  # it was just about to be homed
+    assert request.update(0.1)
+    assert errors(request) == {'x': 'Canceled', 'y': 'NoError', 'z': 'Canceled'}
+    assert request.outcomes['z'].message == 'axis z: not started: the request was canceled'
+
+
+def test_abandon(axes):
+    request = Request([['x', 'y'], ['z']], axes, 'owner')
+    request.start(0.0)
+    axes['x'].end()
+    request.update(0.1)
+    request.cancel()
+    request.abandon('because')
+    assert request.done
+    assert errors(request) == {'x': 'NoError', 'y': 'Canceled', 'z': 'Canceled'}
+    assert request.outcomes['y'].message == 'axis y: because'
