@@ -1,0 +1,80 @@
+"""Proves a configuration before the first motion.
+
+Pure: parameters, where things are along the axis (as far as that is known) and how fast messages
+travel go in, findings come out. Without a layout only what the parameters alone tell is checked,
+as the node does at its start.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from .check_bounds import Bounds
+from .check_ends import Ends
+from .check_places import Places
+from .check_values import check_values
+from .configuration import Configuration
+from .finding import Finding, Severity, Timing, worst_first
+from .parameters import AxisParameters
+from .simulation import AxisLayout
+
+__all__ = ['Finding', 'Severity', 'Timing', 'check', 'check_axis', 'errors']
+
+NOWHERE: Mapping[str, AxisLayout] = MappingProxyType({})
+
+
+def check(
+    axes: Configuration | Mapping[str, AxisParameters],
+    layouts: Mapping[str, AxisLayout] | None = None,
+    timing: Timing | None = None,
+) -> list[Finding]:
+    """Check all axes; return what was found, by axis, the worst first.
+
+    A configuration's own update rate takes the place of that in ``timing``. With ``layouts`` every
+    axis is expected to be in it.
+    """
+    timing = timing or Timing()
+    findings: list[Finding] = []
+    if isinstance(axes, Configuration):
+        timing = replace(timing, update_rate=axes.update_rate)
+        findings += _check_node(axes)
+        axes = axes.axes
+    for axis, parameters in axes.items():
+        findings += check_axis(axis, parameters, (layouts or NOWHERE).get(axis), timing)
+        if layouts is not None and axis not in layouts:
+            findings.append(Finding(
+                Severity.info, axis, 'layout-missing', 'the layout has no such axis',
+                'what depends on where its switches are is not checked'))
+    return worst_first(findings)
+
+
+def check_axis(
+    axis: str,
+    parameters: AxisParameters,
+    layout: AxisLayout | None = None,
+    timing: Timing | None = None,
+) -> list[Finding]:
+    """Check one axis; return what was found, the worst first."""
+    timing = timing or Timing()
+    findings = list(check_values(axis, parameters, timing, layout is not None))
+    if layout is not None:
+        for part in (Places, Ends, Bounds):
+            findings += part(axis, parameters, layout, timing).check()
+    return worst_first(findings)
+
+
+def errors(findings: list[Finding]) -> list[Finding]:
+    """Return those findings for which a run fails, or something is hit."""
+    return [finding for finding in findings if finding.severity is Severity.error]
+
+
+def _check_node(configuration: Configuration) -> list[Finding]:
+    period = 1.0 / configuration.update_rate
+    if configuration.cycle_timeout >= 2 * period:
+        return []
+    return [Finding(
+        Severity.warning, axis, 'cycle-timeout',
+        f'cycle_timeout is {configuration.cycle_timeout:g} s, less than two cycles of '
+        f'{period:g} s',
+        'a cycle that is a little late ends the run with CycleLate', 'cycle_timeout',
+        configuration.cycle_timeout, 2 * period, 's') for axis in list(configuration.axes)[:1]]

@@ -1,0 +1,117 @@
+"""What a check finds, and what it assumes about the machine's timing."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from math import ceil, floor, isfinite, log10
+
+from .parameters import AxisParameters
+from .states import Word
+
+
+class Severity(Word):
+    """How bad a finding is."""
+
+    error = 'error'  # a run fails, or something is hit
+    warning = 'warning'  # it works, but not as it should, or not always
+    info = 'info'  # worth knowing
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How fast things travel: rates in Hz, times in s.
+
+    ``latency`` is the time from a switch's edge until the setpoint that answers it takes effect in
+    the drive, without the node's own cycle; ``feedback_rate`` None: not known. ``accuracy`` is how
+    well home must be known, m or rad (None: not asked for).
+    """
+
+    update_rate: float = 250.0
+    feedback_rate: float | None = None
+    latency: float = 0.005
+    accuracy: float | None = None
+
+    @property
+    def feedback_age(self) -> float:
+        """The age of the newest feedback at its worst, s."""
+        return self.latency + 1.0 / (self.feedback_rate or self.update_rate)
+
+    def reaction(self, parameters: AxisParameters, lag: float = 0.0) -> float:
+        """Return the time from a switch's edge until the axis begins to brake, s."""
+        return (self.latency + 1.0 / self.update_rate + lag
+                + parameters.switch_latency + parameters.switch_debounce)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a check has to say about an axis.
+
+    ``check`` is a word that stays the same for one kind of finding; ``parameter`` the one to
+    change (or the key of the layout), ``value`` the number that was found, ``right`` what
+    ``parameter`` should be, both in ``unit``.
+    """
+
+    severity: Severity
+    axis: str
+    check: str
+    what: str
+    why: str
+    parameter: str = ''
+    value: float | str | None = None
+    right: float | str | bool | None = None
+    unit: str = ''
+
+    @property
+    def text(self) -> str:
+        """Tell it in one line."""
+        return f'axis {self.axis}: {self.what}; {self.why}{self.remedy and "; " + self.remedy}'
+
+    @property
+    def remedy(self) -> str:
+        """Tell what would be right, '' where there is nothing to set."""
+        if self.right is None:
+            return ''
+        right = self.right
+        if isinstance(right, bool):
+            right = str(right).lower()
+        elif isinstance(right, float):
+            right = f'{right:.6g} {self.unit}'.rstrip()
+        return f'{self.parameter}: {right}' if self.parameter else str(right)
+
+    def as_dict(self) -> dict[str, object]:
+        """Return it as plain values; numbers that JSON does not know are left out."""
+        plain: dict[str, object] = {**asdict(self), 'severity': str(self.severity)}
+        return {name: None if isinstance(value, float) and not isfinite(value) else value
+                for name, value in plain.items()}
+
+
+def worst_first(findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings by axis, the worst first; of equals (but for numbers) only the worst."""
+    rank = list(Severity)
+    kept: dict[tuple[str, str, str], Finding] = {}
+    order: dict[str, int] = {}
+    for one in findings:
+        order.setdefault(one.axis, len(order))
+        key = one.axis, one.check, one.what
+        if key not in kept or rank.index(one.severity) < rank.index(kept[key].severity):
+            kept[key] = one
+    return sorted(kept.values(), key=lambda one: (order[one.axis], rank.index(one.severity)))
+
+
+def down(number: float) -> float:
+    """Round down to two digits: a value that one would write into a file."""
+    return _digits(number, floor)
+
+
+def up(number: float) -> float:
+    """Round up to two digits."""
+    return _digits(number, ceil)
+
+
+def _digits(number: float, way: Callable[[float], int]) -> float:
+    if number <= 0.0 or not isfinite(number):
+        return number
+    step = floor(log10(number)) - 1
+    scaled = number * 10.0 ** -step
+    # A number that has two digits stays, whatever its last bit says.
+    whole = round(scaled) if abs(scaled - round(scaled)) < 1e-9 * scaled else way(scaled)
+    return float(f'{whole}e{step}')

@@ -1,0 +1,170 @@
+"""An axis and its layout as the checks look at it: what stops each search, where, and how late.
+
+Everything is in the toward frame and along the way of a search; see geometry.py.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from math import inf
+from typing import NamedTuple
+
+from .events import Event
+from .finding import Finding, Severity, Timing
+from .geometry import Geometry
+from .limits import Limit, limits_of
+from .motions import Kind, Way
+from .parameters import AxisParameters
+from .procedures import Row, Step
+from .simulation import AxisLayout
+from .states import Input, Role, Tier
+from .stopping import fastest, reaction_distance, stopping_distance, turning_distance
+
+Distance = Callable[[float], float]
+
+SIDES = {Way.TOWARD: 'ahead', Way.AWAY: 'behind'}
+
+
+class Stop(NamedTuple):
+    """What stops or turns the axis in a search: where, and how far it goes on at a velocity.
+
+    ``name`` tells what happens there, ``limit`` is None where it is not a limit switch.
+    """
+
+    name: str
+    place: float
+    overrun: Distance
+    limit: Limit | None = None
+
+    def velocity(self, room: float, at_most: float) -> float:
+        """Return the largest velocity whose overrun stays within a room."""
+        return fastest(self.overrun, room, at_most)
+
+
+class Placed:
+    """One axis with its layout; the checks derive from it."""
+
+    def __init__(
+        self, axis: str, parameters: AxisParameters, layout: AxisLayout, timing: Timing
+    ) -> None:
+        self.axis, self.p, self.layout, self.timing = axis, parameters, layout, timing
+        self.at = Geometry(parameters, layout)
+        self.limits = limits_of(parameters)
+        self.searches = [(step, row) for step, row in parameters.procedure.rows.items()
+                         if row.motion.kind is Kind.SEARCH]
+        self.delay = timing.reaction(parameters, layout.lag)
+
+    def found(
+        self, severity: Severity, check: str, what: str, why: str, parameter: str = '',
+        value: float | str | None = None, right: float | str | bool | None = None, unit: str = 'm',
+    ) -> Finding:
+        return Finding(severity, self.axis, check, what, why, parameter, value, right, unit)
+
+    def raw(self, place: float, way: Way) -> float:
+        """Return a place along a way as a raw position."""
+        return self.at.raw(way * place)
+
+    def first_limits(self, way: Way) -> list[float]:
+        """Return where the limit switches that steer or stop a search rise, along a way."""
+        return [flag.enters(way) for name, limit in self.limits.items()
+                if limit.way is way and self.acts(limit)
+                and (flag := self.at.flags.get(name)) is not None]
+
+    @staticmethod
+    def acts(limit: Limit) -> bool:
+        """Tell whether a limit switch steers or stops a search toward it."""
+        return limit.role is not Role.IGNORED and bool(
+            limit.action or limit.role is not Role.NORMAL)
+
+    def limit_stops(self, row: Row) -> Iterator[Stop]:
+        """Yield where the limit switches on a row's way stop or turn the axis."""
+        p, way = self.p, row.motion.way
+        for name, limit in self.limits.items():
+            flag = self.at.flags.get(name)
+            if limit.way is not way or flag is None or not self.acts(limit):
+                continue
+            target = p.procedure.target is limit.tier
+            event = Event.LS_RISES if target else Event.LIMIT_AHEAD
+            place = flag.enters(way)
+            steers = event in row.on and limit.role in (Role.REFERENCE, Role.REVERSAL)
+            stops: list[Distance] = []
+            if steers and not p.immediate_stop_at_ls:
+                stops.append(self.late(row, place, self.braking(row, row.on[event])))
+            elif steers:
+                stops.append(self._frozen)
+            if limit.role is not Role.REFERENCE:  # a second reversal ends the run, too
+                stops.append(self.late(row, place, self._stopped(limit)))
+            yield Stop(f'{name.text} rises', place, partial(_longest, stops), limit)
+
+    def event_stops(self, row: Row) -> Iterator[Stop]:
+        """Yield where the edges that a row waits for stop or turn the axis."""
+        way, p = row.motion.way, self.p
+        for event, step in row.on.items():
+            if event in (Event.LS_RISES, Event.LS_ON, Event.HS_ON):
+                continue
+            motion = p.procedure.rows[step].motion
+            goes_on = motion.kind is Kind.SEARCH and motion.way is way
+            place = self.at.edge(event, way)
+            if event is Event.TOUCH_PROBE and self.at.probe is not None:
+                place = way * self.at.probe
+            if place is not None and not goes_on:
+                stops = [self.late(row, place, self.braking(row, step))]
+                if motion.kind is Kind.FURTHER:
+                    stops.append(lambda v: p.homing_reverse_distance)
+                yield Stop(str(event), place, partial(_longest, stops))
+
+    def braking(self, row: Row, step: Step) -> Distance:
+        """Return how far the axis goes on, for its velocity, on the way into a step."""
+        p, motion, pace = self.p, self.p.procedure.rows[step].motion, row.motion.pace
+        _, acceleration, deceleration = p.pace(pace)
+        if motion.kind is not Kind.SEARCH or motion.way is row.motion.way:
+            return partial(stopping_distance, deceleration=deceleration, jerk=p.max_jerk)
+        back, back_acceleration, _ = p.pace(motion.pace)
+        return lambda v: turning_distance(
+            v, v if motion.pace is pace else back, acceleration, deceleration, p.max_jerk,
+            back_acceleration)
+
+    def late(self, row: Row, place: float, stop: Distance) -> Distance:
+        """Return how far a stop goes from a place along a row's way if it begins late.
+
+        Going toward, a run may begin anywhere, so that the axis still accelerates when it comes
+        to the place; going away, it begins at a switch.
+        """
+        _, acceleration, _ = self.p.pace(row.motion.pace)
+        jerk, delay = self.p.max_jerk, self.delay
+        room = place - self._begin_away if row.motion.way is Way.AWAY else 0.0
+
+        def distance(velocity: float) -> float:
+            steady = room >= stopping_distance(velocity, acceleration, jerk)
+            gone = velocity * delay if steady else reaction_distance(
+                velocity, acceleration, jerk, delay)
+            return gone + stop(velocity)
+        return distance
+
+    @property
+    def _begin_away(self) -> float:
+        """The furthest place away, along that way, where the axis turns to it."""
+        used = self.p.procedure.inputs
+        begins = [flag.low for flag in (self.at.target, self.at.flags.get(Input.HOME_SWITCH))
+                  if flag and (flag is self.at.target or Input.HOME_SWITCH in used)]
+        if self.p.homes_on_mechanical_end:
+            begins = [self.at.stops[Way.TOWARD]]
+        return -min(begins, default=-inf)
+
+    def _stopped(self, limit: Limit) -> Distance:
+        """Return how far the action of a limit switch lets the axis go on."""
+        deceleration = limit.action.deceleration if limit.action else self.p.ls_dec
+        if deceleration is None:  # the servo is off
+            return lambda v: 0.0
+        return partial(stopping_distance, deceleration=deceleration, jerk=self.p.max_jerk)
+
+    def _frozen(self, velocity: float) -> float:
+        return velocity * self.delay
+
+
+def _longest(distances: list[Distance], velocity: float) -> float:
+    return max(distance(velocity) for distance in distances)
+
+
+def ls_type_of(limit: Limit) -> str:
+    """Return the parameter that tells what a limit switch does."""
+    return 'ls_type' if limit.tier is Tier.HARDWARE else f'{limit.tier}_ls_type'

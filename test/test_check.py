@@ -1,0 +1,468 @@
+"""Every finding: a configuration and a layout that have it, and that the good one has not."""
+
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite, nan
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from homing_node.check import Severity, Timing, check, check_axis, errors
+from homing_node.check_ends import Ends
+from homing_node.configuration import configuration
+from homing_node.examples import EXAMPLES
+from homing_node.finding import down, up
+from homing_node.geometry import Geometry, true_home
+from homing_node.motions import Way
+from homing_node.parameters import SPECS, axis_parameters
+from homing_node.simulation import AxisLayout, SwitchLayout, mirrored
+from homing_node.states import HomeType, Input
+from homing_node.stopping import stopping_distance
+from homing_node.sweep import rehearse_from, transport_of
+
+ERROR, WARNING, INFO = Severity.error, Severity.warning, Severity.info
+HS, AHEAD, BEHIND = 'home_switch', 'positive_limit_switch', 'negative_limit_switch'
+NEAR = 'near_positive_limit_switch'
+
+VALUES = {
+    'home_type': 'HSHS', 'travel': 0.2, 'homing_velocity_fast': 0.05,
+    'homing_velocity_fast_acc': 0.5, 'homing_velocity_fast_dec': 0.5,
+    'homing_velocity_slow': 0.005, 'homing_reverse_distance': 0.002, 'max_jerk': 100.0,
+}
+FLAGS = {
+    HS: SwitchLayout(0.15, 0.16, 0.0001),
+    AHEAD: SwitchLayout(0.185, inf),
+    BEHIND: SwitchLayout(-inf, 0.01),
+}
+LAYOUT = AxisLayout((0.0, 0.2), FLAGS, index_pitch=0.01, index_offset=0.004, lag=0.005, start=0.1)
+BOTH = [AHEAD, BEHIND]
+Z = [HS, AHEAD, BEHIND, 'z_pulse']
+PROBE = [HS, AHEAD, BEHIND, 'touch_probe']
+END = {'home_type': 'MechanicalEndDetection', 'mechanical_end_detection_pos_diff': 0.002,
+       'mechanical_end_detection_first_torque_limit': 30.0, 'switches': [BEHIND]}
+
+
+@dataclass
+class Case:
+    """What is changed in the good axis, and the one finding that it must have then.
+
+    ``flags`` replaces flags (None: not fitted), ``layout`` other fields; False: no layout at all.
+    """
+
+    check: str
+    severity: Severity
+    values: dict[str, Any] = field(default_factory=dict)
+    flags: dict[str, SwitchLayout | None] = field(default_factory=dict)
+    layout: dict[str, Any] | bool = field(default_factory=dict)
+    timing: Timing = field(default_factory=Timing)
+    right: Any = None
+    words: str = ''
+
+    def found(self, direction=1):
+        values = {**VALUES, **self.values}
+        parameters = axis_parameters(values)
+        if self.layout is False:
+            return check_axis('x', parameters, None, self.timing)
+        assert isinstance(self.layout, dict)
+        flags = {name: flag for name, flag in {**FLAGS, **self.flags}.items() if flag}
+        layout = replace(LAYOUT, switches=flags, **self.layout)
+        if direction < 0:
+            parameters = axis_parameters({**mirrored_values(values), 'home_direction': 'Negative'})
+            layout = mirrored(layout)
+        return check_axis('x', parameters, layout, self.timing)
+
+
+def mirrored_values(values):
+    def other(text):
+        if 'positive' in text:
+            return text.replace('positive', 'negative')
+        return text.replace('negative', 'positive')
+    changed = {other(name): value for name, value in values.items()}
+    if 'switches' in changed:
+        changed['switches'] = [other(name) for name in changed['switches']]
+    return changed
+
+
+WITHOUT = [  # no layout is needed
+    Case('wired-unused', INFO, {'home_type': 'LS'}, right='without home_switch'),
+    Case('wired-unused', INFO, {'switches': Z}, right='without z_pulse'),
+    Case('limit-disabled', WARNING, {'switches': [HS, *BOTH, NEAR]}, right='Dec'),
+    Case('limit-not-wired', WARNING, {'near_ls_type': 'Dec'}),
+    Case('end-unguarded', INFO, {'switches': [HS, BEHIND]}, layout=False,
+         right=f'with {AHEAD}', words='ahead'),
+    Case('end-unguarded', INFO, {'switches': [HS, AHEAD]}, layout=False,
+         right=f'with {BEHIND}', words='behind'),
+    Case('limit-without-action', WARNING, {'ls_type': 'None'}, layout=False, words='behind'),
+    Case('limit-without-action', WARNING,
+         {'ls_type': 'None', 'home_type': 'TouchProbe', 'switches': PROBE}, layout=False,
+         words='ahead'),
+    Case('stop-longer-than-travel', ERROR, {'homing_velocity_fast': 0.6}, right=0.44),
+    Case('jerk-decides', INFO, {'max_jerk': 4.0}, words='homing_velocity_fast_dec', right=5.0),
+    Case('soft-ls-dec', WARNING, {'ls_dec': 0.4}, right=0.5),
+    Case('hard-ls-slow-dec', WARNING, {'ls_slow_dec': 1.5}, right=1.0),
+    Case('search-bound', WARNING, {'max_search_distance': 0.15}, layout=False, right=0.22),
+    Case('ls-reverse-bound', ERROR, {'max_ls_reverse_distance': 0.002}, layout=False, right=0.2),
+    Case('timeout', WARNING, {'timeout': 3.9}, layout=False, right=0.0),
+    Case('parameter-unused', INFO, {'multiple_z_pulse': 2}, words='uses no Z-pulse'),
+    Case('parameter-unused', INFO,
+         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.01},
+         words='only one'),
+    Case('z-pulse-bound', ERROR,
+         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.02,
+          'multiple_z_pulse': 2, 'max_z_pulse_distance': 0.015}, layout=False, right=0.024),
+    Case('z-pulse-count', ERROR,
+         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.02,
+          'multiple_z_pulse': 30}, layout=False, right=12.0),
+    Case('end-following-error', ERROR,
+         {**END, 'mechanical_end_detection_time': 6.0}, right=0.039),
+    Case('end-torque', WARNING, {**END, 'mechanical_end_detection_first_torque_limit': 0.0}),
+    Case('end-behind-limit', WARNING, {**END, 'switches': BOTH}, layout=False, right=True),
+    Case('feedback-timeout', ERROR, {'feedback_timeout': 0.01},
+         timing=Timing(feedback_rate=100.0), right=0.05),
+    Case('feedback-timeout', WARNING, {'feedback_timeout': 0.015},
+         timing=Timing(feedback_rate=100.0), right=0.05),
+    Case('accuracy', WARNING, timing=Timing(feedback_rate=100.0, accuracy=1e-6), right=0.001),
+    Case('edge-tolerance', WARNING, {'edge_tolerance': 1e-5},
+         timing=Timing(feedback_rate=100.0), right=5e-5),
+    Case('second-pass-fast', INFO, {'homing_velocity_slow': 0.05}, right=0.005),
+    Case('run-up', WARNING, {'homing_velocity_slow': 0.05, 'homing_velocity_slow_acc': 0.3},
+         right=0.0043),
+]
+
+WITH = [
+    Case('fitted-unwired', WARNING, {'switches': [HS, AHEAD]}, right=f'with {BEHIND}'),
+    Case('fitted-unwired', INFO, right='with z_pulse'),
+    Case('place-unknown', INFO, flags={BEHIND: None}, words=BEHIND),
+    Case('place-unknown', WARNING, flags={HS: None}, words=HS),
+    Case('place-unknown', WARNING, {'home_type': 'HSZPulse', 'switches': Z},
+         layout={'index_pitch': 0.0}, words='z_pulse'),
+    Case('polarity', ERROR, flags={HS: SwitchLayout(0.15, 0.16, 0.0, True)}, right=True),
+    Case('polarity', ERROR, {'invert_positive_ls_polarity': True}, right=False),
+    Case('travel', WARNING, {'travel': 0.3}, right=0.2),
+    Case('limits-swapped', ERROR, {'ls_direction': 'Reverse'}, right='Normal'),
+    Case('limits-swapped', ERROR,
+         flags={AHEAD: SwitchLayout(-inf, 0.01), BEHIND: SwitchLayout(0.185, inf)},
+         right='Reverse'),
+    Case('limits-swapped', ERROR, {'switches': [HS, AHEAD]},
+         flags={AHEAD: SwitchLayout(-inf, 0.01)}, right='Reverse'),
+    Case('limits-overlap', ERROR, flags={BEHIND: SwitchLayout(-inf, 0.19)}),
+    Case('limit-beyond-stop', ERROR, flags={AHEAD: SwitchLayout(0.21, inf)}),
+    Case('limit-momentary', WARNING, flags={AHEAD: SwitchLayout(0.185, 0.197)}, right=0.2),
+    Case('home-switch-place', ERROR, flags={HS: SwitchLayout(0.186, 0.19)}, words='ahead'),
+    Case('home-switch-place', ERROR, flags={HS: SwitchLayout(0.005, 0.02)}, words='behind'),
+    Case('home-switch-place', ERROR, {'home_type': 'HSOff'},
+         flags={HS: SwitchLayout(0.17, 0.185)}, words='ahead'),
+    Case('home-switch-place', ERROR,
+         {**END, 'home_type': 'MechanicalEndDetectionHS', 'switches': [HS, BEHIND]},
+         flags={HS: SwitchLayout(0.21, 0.22), AHEAD: None}, words='hard stop ahead'),
+    Case('direction', INFO, flags={HS: SwitchLayout(0.05, 0.06)}, right='Negative'),
+    Case('direction', WARNING, flags={HS: SwitchLayout(0.015, 0.02)}, right='Negative'),
+    Case('shift-into-stop', ERROR, {'home_shift_distance': 0.06}, right=0.047),
+    Case('shift-into-limit', ERROR, {'home_shift_distance': 0.04}, right=0.033, words=AHEAD),
+    Case('shift-into-limit', ERROR, {'home_shift_distance': -0.145}, right=-0.13, words=BEHIND),
+    Case('hard-stop', ERROR, {'homing_velocity_fast': 0.15}, right=0.11, words='ahead'),
+    Case('hard-stop', ERROR, {'ls_dec': 0.1, 'homing_velocity_fast_dec': 0.1}, words='behind'),
+    Case('hard-stop', ERROR, {'switches': [HS, BEHIND]},
+         flags={AHEAD: None, HS: SwitchLayout(0.199, 0.21)}, words='home switch rises'),
+    Case('end-unguarded', ERROR, {'switches': [HS, BEHIND]}, flags={AHEAD: None},
+         right=f'with {AHEAD}'),
+    Case('end-unguarded', ERROR, {'home_type': 'ZPulse', 'switches': ['z_pulse']},
+         flags={AHEAD: None, BEHIND: None}, words='ahead'),
+    Case('end-unguarded', WARNING, {'switches': [HS, BEHIND]},
+         flags={AHEAD: None, HS: SwitchLayout(0.15, inf)}, words='ahead'),
+    Case('end-unguarded', WARNING, {'ls_type': 'None'}, right='Dec', words='behind'),
+    Case('coasting', WARNING, {'ls_type': 'ServoOff'}, right='DecServoOff', words=BEHIND),
+    Case('next-tier', WARNING,
+         {'home_type': 'NearLS', 'switches': [*BOTH, NEAR], 'near_ls_type': 'Dec'},
+         flags={NEAR: SwitchLayout(0.183, inf)}, words=AHEAD),
+    Case('next-tier', WARNING, flags={HS: SwitchLayout(0.183, 0.184)}, words='home switch rises'),
+    Case('reverse-into-limit', ERROR, {'homing_reverse_distance': 0.15}, right=0.13),
+    Case('reverse-into-limit', ERROR, {'homing_velocity_fast': 0.09},
+         flags={HS: SwitchLayout(0.015, 0.06)}, words='home switch falls'),
+    Case('reverse-into-limit', ERROR,
+         {'home_type': 'HSReverseZPulse', 'switches': Z, 'homing_velocity_slow': 0.05},
+         layout={'index_offset': 0.001}, flags={BEHIND: SwitchLayout(-inf, 0.1405)},
+         words='index pulse'),
+    Case('end-behind-limit', ERROR, {**END, 'switches': BOTH}, right=True),
+    Case('flag-debounce', ERROR, {'switch_debounce': 0.01},
+         flags={HS: SwitchLayout(0.15, 0.1503)}, right=0.003),
+    Case('flag-debounce', ERROR, {'switch_debounce': 0.01},
+         flags={AHEAD: SwitchLayout(0.185, 0.1853)}, words=AHEAD),
+    Case('flag-narrow', INFO, flags={HS: SwitchLayout(0.15, 0.152)}),
+    Case('ls-reverse-bound', ERROR, {'max_ls_reverse_distance': 0.036}, right=0.053),
+    Case('ls-reverse-bound', WARNING, {'max_ls_reverse_distance': 0.045}, right=0.053),
+    Case('ls-reverse-bound', WARNING,
+         {'home_type': 'LS', 'max_ls_reverse_distance': 0.01}, right=0.016),
+    Case('hs-reverse-bound', ERROR, {'max_hs_on_at_start_reverse_distance': 0.01}, right=0.011),
+    Case('search-bound', ERROR, {'max_search_distance': 0.13}, right=0.16),
+    Case('search-bound', WARNING, {'max_search_distance': 0.145}, right=0.16),
+    Case('timeout', ERROR, {'timeout': 2.7}, right=0.0),
+    Case('z-pulse-check', ERROR,
+         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.02,
+          'multiple_z_pulse': 2}, right=0.01),
+    Case('z-pulse-bound', ERROR,
+         {'home_type': 'HSZPulse', 'switches': Z, 'max_z_pulse_distance': 0.003}, right=0.012),
+    Case('z-pulse-bound', WARNING,
+         {'home_type': 'HSZPulse', 'switches': Z, 'max_z_pulse_distance': 0.009}, right=0.012),
+    Case('index-ambiguous', WARNING, {'home_type': 'ZPulse', 'switches': [*BOTH, 'z_pulse']}),
+    Case('index-margin', WARNING, {'home_type': 'HSZPulse', 'switches': Z},
+         layout={'index_offset': 0.0005}, right=0.0055, words='by 0.0045 m toward negative'),
+    Case('index-margin', WARNING, {'home_type': 'HSReverseZPulse', 'switches': Z},
+         layout={'index_offset': 0.0003}, right=0.0046, words='by 0.0046 m toward negative'),
+    Case('index-margin', ERROR,
+         {'home_type': 'HSZPulse', 'switches': Z, 'index_margin_action': 'Fail'},
+         layout={'index_offset': 0.0005}),
+    Case('index-margin', INFO,
+         {'home_type': 'HSZPulse', 'switches': Z, 'index_margin_action': 'None'},
+         layout={'index_offset': 0.0005}),
+    Case('index-margin', WARNING,
+         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_arm_delay': 0.0038}, right=0.009),
+    Case('drive-timeout', WARNING, layout={'command_timeout': 0.01}, right=0.012),
+    Case('index-unreachable', ERROR,
+         {'home_type': 'HSZPulse', 'switches': Z, 'multiple_z_pulse': 5}, words='pulse 5'),
+    Case('index-unreachable', ERROR,
+         {'home_type': 'HSOffZPulse', 'switches': [HS, BEHIND, 'z_pulse']},
+         flags={AHEAD: None}, layout={'index_pitch': 0.1}, words='hard stop'),
+    Case('probe-unreachable', ERROR, {'home_type': 'TouchProbe', 'switches': PROBE},
+         layout={'touch_probe': 0.19}),
+    Case('probe-unreachable', ERROR, {'home_type': 'HSTouchProbe', 'switches': PROBE},
+         layout={'touch_probe': 0.145}, right=0.0055),
+    Case('following-error', ERROR, {'following_error': 0.0002}),
+    Case('following-error', WARNING, {'following_error': 0.0004}),
+    Case('wrong-direction', WARNING, {'wrong_direction_distance': 0.0002}, right=0.0005),
+    Case('open-loop', WARNING, {'open_loop_homing': True}, right=False),
+    Case('end-too-early', ERROR, {**END, 'mechanical_end_detection_pos_diff': 0.00002},
+         flags={AHEAD: None}),
+    Case('end-too-early', WARNING, {**END, 'mechanical_end_detection_pos_diff': 0.0001},
+         flags={AHEAD: None}),
+]
+
+
+def matching(case, found):
+    return [one for one in found if one.check == case.check and case.words in one.text]
+
+
+@pytest.mark.parametrize(
+    'case', [pytest.param(case, id=f'{case.check}-{case.severity}-{n}')
+             for n, case in enumerate(WITHOUT + WITH)])
+def test_finding(case):
+    found = matching(case, case.found())
+    assert found, [one.text for one in case.found()]
+    severities = list(Severity)
+    worst = min(found, key=lambda one: severities.index(one.severity))
+    assert worst.severity is case.severity, worst.text
+    assert worst.what and worst.why and worst.text.startswith('axis x: ')
+    if case.right is not None:
+        assert pytest.approx(case.right) == worst.right if isinstance(
+            case.right, float) else case.right in [one.right for one in found]
+
+
+@pytest.mark.parametrize(
+    'case', [pytest.param(case, id=f'{case.check}-{case.severity}-{n}')
+             for n, case in enumerate(WITH) if 'ls_direction' not in case.values])
+def test_finding_in_the_mirror(case):
+    ahead = [(one.severity, one.check, one.value if isinstance(one.value, float) else None)
+             for one in case.found()]
+    mirror = [(one.severity, one.check, one.value if isinstance(one.value, float) else None)
+              for one in case.found(-1)]
+    assert [each[:2] for each in ahead] == [each[:2] for each in mirror]
+    for (_, name, value), (_, _, other) in zip(ahead, mirror, strict=True):
+        if value is not None and name not in ('limit-beyond-stop', 'home-switch-place',
+                                              'probe-unreachable', 'shift-into-limit'):
+            assert other == pytest.approx(value, abs=1e-9), name
+
+
+def test_the_good_axis_has_no_finding_but_the_index_that_it_does_not_use():
+    case = Case('fitted-unwired', INFO)
+    assert [one.check for one in case.found()] == ['fitted-unwired']
+    assert check_axis('x', axis_parameters(VALUES)) == []
+
+
+@pytest.mark.parametrize('case', [
+    case for case in WITH + WITHOUT
+    if isinstance(case.right, float | bool) and case.layout is not False
+    and case.check not in ('limit-momentary', 'drive-timeout')])
+def test_what_is_called_right_is_right(case):
+    """With the value that a finding asks for, the finding is gone, or no longer that bad."""
+    found = matching(case, case.found())[0]
+    assert found.parameter.split(' ')[0] in SPECS, found.parameter
+    value = found.right
+    if SPECS[found.parameter].kind is int:
+        value = int(value)
+    again = replace(case, values={**case.values, found.parameter: value})
+    left = [one for one in matching(case, again.found()) if one.parameter == found.parameter
+            and one.severity is found.severity and one.what.split(' ')[0] == found.what.split()[0]]
+    assert not left, left[0].text
+
+
+@pytest.mark.parametrize('home_type', HomeType)
+def test_examples_have_no_error(home_type):
+    example = EXAMPLES[home_type]
+    axes = {'x': example.parameters}
+    for found in (check(axes, {'x': example.layout}), check(axes)):
+        assert [one.text for one in errors(found)] == []
+
+
+@pytest.mark.parametrize('home_type', HomeType)
+def test_geometry_knows_where_home_is(home_type):
+    example = EXAMPLES[home_type]
+    for run in example.runs:
+        outcome = example.rehearse(run).outcome
+        home = true_home(Geometry(example.parameters, example.layout), run.start)
+        assert outcome.success
+        assert outcome.home_position_raw == pytest.approx(home, abs=1e-6)
+
+
+# ------------------------------------------------------ what is said of hard stops is what happens
+
+GRID = [(home_type, velocity, latency)
+        for home_type in ('HS', 'HSHS', 'HSOff', 'LS', 'LSReverseZPulse', 'TouchProbe')
+        for velocity in (0.02, 0.05, 0.1) for latency in (0.0, 0.008)]
+
+
+def axis_of(home_type, velocity):
+    example = EXAMPLES[HomeType(home_type)]
+    slow = velocity if home_type == 'TouchProbe' else 0.01
+    return replace(example.parameters, homing_velocity_fast=velocity, homing_velocity_slow=slow,
+                   max_jerk=20.0), example.layout
+
+
+@pytest.mark.parametrize('home_type, velocity, latency', GRID)
+def test_the_rehearsal_hits_the_hard_stop_ahead_where_the_check_says_so(
+        home_type, velocity, latency):
+    parameters, layout = axis_of(home_type, velocity)
+    timing = Timing(latency=latency)
+    limit = layout.switches[AHEAD].on_from
+    ends = Ends('x', parameters, replace(layout, hard_stops=(0.0, inf)), timing)
+    _, row = ends.searches[0]
+    stop = next(one for one in ends.limit_stops(row) if one.limit.input == AHEAD)
+    overrun = stop.overrun(velocity)
+    _, acceleration, _ = parameters.pace(row.motion.pace)
+    ramp = stopping_distance(velocity, acceleration, parameters.max_jerk)
+    first = 0.0872 if home_type == 'TouchProbe' else 0.0812
+    starts = [max(first, limit - ramp * (0.4 + 0.1 * n)) for n in range(8)]
+    for part, hits in ((0.85, True), (1.01, False)):
+        built = replace(layout, hard_stops=(0.0, limit + part * overrun))
+        if home_type == 'TouchProbe':
+            built = replace(built, touch_probe=0.087)
+        said = [one for one in check_axis('x', parameters, built, timing)
+                if one.check == 'hard-stop' and 'ahead' in one.what]
+        hit = [rehearse_from(parameters, built, transport_of(timing), start).hits is not None
+               for start in starts]
+        assert bool(said) is hits
+        assert any(hit) is hits, (overrun, part)
+
+
+@pytest.mark.parametrize('velocity', [0.02, 0.05, 0.1])
+@pytest.mark.parametrize('latency', [0.0, 0.008])
+def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocity, latency):
+    parameters, layout = axis_of('HS', velocity)
+    timing = Timing(latency=latency)
+    limit = layout.switches[BEHIND].on_to
+    ends = Ends('x', parameters, replace(layout, hard_stops=(-inf, 0.12)), timing)
+    row = next(row for _, row in ends.searches if row.motion.way is Way.AWAY)
+    overrun = next(ends.limit_stops(row)).overrun(velocity)
+    stuck = {**layout.switches, HS: SwitchLayout(-1.0, 0.08)}  # the home switch never falls
+    stuck[BEHIND] = SwitchLayout(-1.0, limit)
+    for part, hits in ((0.75, True), (1.01, False)):
+        built = replace(layout, hard_stops=(limit - part * overrun, 0.12))
+        said = [one for one in check_axis('x', parameters, built, timing)
+                if one.check == 'hard-stop' and 'behind' in one.what]
+        starts = [0.07 + 0.0005 * n for n in range(4)]
+        hit = [rehearse_from(parameters, replace(built, switches=stuck), transport_of(timing),
+                             start).hits is not None for start in starts]
+        assert bool(said) is hits
+        assert any(hit) is hits, (overrun, part)
+
+
+@pytest.mark.parametrize('case', [
+    case for case in WITH if case.check in (
+        'home-switch-place', 'ls-reverse-bound', 'limits-overlap', 'shift-into-limit',
+        'reverse-into-limit', 'search-bound', 'z-pulse-bound', 'z-pulse-check',
+        'index-unreachable', 'following-error', 'index-margin', 'end-behind-limit', 'timeout',
+        'flag-debounce', 'hs-reverse-bound', 'probe-unreachable', 'end-too-early', 'end-unguarded')
+    and case.severity is ERROR], ids=lambda case: f'{case.check}-{case.words}')
+def test_where_an_error_is_found_a_run_fails(case):
+    """From some start, that is: or it homes where home is not."""
+    parameters = axis_parameters({**VALUES, **case.values})
+    flags = {name: flag for name, flag in {**FLAGS, **case.flags}.items() if flag}
+    layout = replace(LAYOUT, switches=flags, **case.layout)
+    trials = (rehearse_from(parameters, layout, transport_of(Timing()), start)
+              for start in (0.0002, 0.1998, 0.1, 0.1549, 0.1595, 0.1605, 0.175, 0.184, 0.03))
+    assert any(not trial.success or (trial.off and abs(trial.off) > 1e-4) for trial in trials)
+
+
+# -------------------------------------------------------------------------------------- in general
+
+
+def test_a_configuration_brings_its_update_rate():
+    values = {'axes': ['x'], 'update_rate': 10.0, 'cycle_timeout': 0.15,
+              **{f'x.{name}': value for name, value in VALUES.items()}}
+    found = check(configuration(values), {'x': replace(LAYOUT, hard_stops=(0.0, 0.19))})
+    assert {'cycle-timeout', 'hard-stop'} <= {one.check for one in found}
+    assert '112 ms' not in next(one.text for one in found if one.check == 'hard-stop')
+    assert '110 ms' in next(one.text for one in found if one.check == 'hard-stop')
+
+
+def test_an_axis_that_the_layout_does_not_have():
+    axes = {'x': axis_parameters(VALUES), 'y': axis_parameters(VALUES)}
+    found = check(axes, {'x': LAYOUT})
+    assert [one.axis for one in found if one.check == 'layout-missing'] == ['y']
+    assert [one.axis for one in check(axes)] == []
+
+
+def test_the_worst_comes_first_axis_by_axis():
+    bad = axis_parameters({**VALUES, 'travel': 0.3, 'homing_velocity_fast': 0.15})
+    found = check({'y': bad, 'x': bad}, {'x': LAYOUT, 'y': LAYOUT})
+    order = list(Severity)
+    for axis in ('x', 'y'):
+        ranks = [order.index(one.severity) for one in found if one.axis == axis]
+        assert ranks == sorted(ranks) and ranks[0] == 0
+    assert [one.axis for one in found] == sorted((one.axis for one in found), reverse=True)
+
+
+def test_unknown_places_are_no_errors():
+    nowhere = AxisLayout((-inf, inf), {}, index_pitch=0.01, index_offset=nan)
+    for example in EXAMPLES.values():
+        assert errors(check_axis('x', example.parameters, nowhere)) == []
+
+
+def test_plain_values_for_json():
+    case = next(case for case in WITH if case.check == 'limit-beyond-stop')
+    found = matching(case, case.found())[0].as_dict()
+    assert found['severity'] == 'error' and found['axis'] == 'x'
+    assert all(isinstance(value, str | float | int | bool | None) for value in found.values())
+    assert all(isfinite(value) for value in found.values() if isinstance(value, float))
+
+
+@pytest.mark.parametrize('number, below, above', [
+    (0.0456, 0.045, 0.046), (0.05, 0.05, 0.05), (0.0, 0.0, 0.0), (123.0, 120.0, 130.0),
+    (inf, inf, inf)])
+def test_rounding_to_what_one_would_write(number, below, above):
+    assert (down(number), up(number)) == (below, above)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.sampled_from(HomeType), st.booleans(),
+    st.lists(st.floats(-0.1, 0.3), min_size=8, max_size=8),
+    st.floats(0.001, 1.0), st.floats(0.0, 0.02), st.one_of(st.just(nan), st.floats(-1, 1)))
+def test_any_layout_is_judged(home_type, known, ends, velocity, debounce, offset):
+    example = EXAMPLES[home_type]
+    parameters = replace(example.parameters, homing_velocity_fast=velocity,
+                         homing_velocity_slow=velocity / 3, switch_debounce=debounce)
+    flags = {name: SwitchLayout(*sorted(ends[2 * n:2 * n + 2]))
+             for n, name in enumerate((HS, AHEAD, BEHIND))}
+    stops = tuple(sorted((ends[6], ends[7] + 1e-6))) if known else (-inf, inf)
+    layout = AxisLayout(stops, flags, index_pitch=0.02, index_offset=offset, lag=0.01)
+    for found in check_axis('x', parameters, layout):
+        assert found.text and found.severity in Severity
+        assert found.as_dict()
+
+
+def test_every_input_can_be_placed():
+    flags = {str(name): SwitchLayout(0.1, 0.2) for name in Input
+             if str(name) not in ('z_pulse', 'touch_probe', 'servo_enabled')}
+    found = check_axis('x', axis_parameters(VALUES), replace(LAYOUT, switches=flags))
+    assert errors(found)

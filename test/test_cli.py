@@ -1,0 +1,387 @@
+"""The command `homing`: what it prints, what it writes, how it ends."""
+
+import csv
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+from time import process_time
+
+import pytest
+import yaml
+
+from homing_node import record
+from homing_node.cli import main
+from homing_node.examples import EXAMPLES
+from homing_node.finding import Timing
+from homing_node.parameters import SPECS
+from homing_node.states import HomeType
+from homing_node.sweep import rehearse_from, transport_of
+
+CONFIG = Path(__file__).parent.parent / 'config'
+PLANT = str(CONFIG / 'simulated_axes.yaml')
+DEMO = str(CONFIG / 'demo.yaml')
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def write(name, axes, **node):
+    """Write a parameter file of homing_node."""
+    Path(name).write_text(json.dumps(
+        {'/**': {'ros__parameters': {'axes': list(axes), **node, **axes}}}, indent=1))
+    return name
+
+
+def run(capsys, *arguments):
+    """Run a command; return its exit status and what it printed."""
+    try:
+        status = main([str(argument) for argument in arguments])
+    except SystemExit as end:
+        status = end.code
+    out, err = capsys.readouterr()
+    return status, out, err
+
+
+def demo(axis='x', **changes):
+    values = yaml.safe_load(Path(DEMO).read_text())['/**/homing_node']['ros__parameters'][axis]
+    return {**values, **changes}
+
+
+# ----------------------------------------------------------------------------------------- check
+
+
+def test_check_of_a_good_configuration(capsys):
+    status, out, err = run(capsys, 'check', DEMO, '--layout', PLANT)
+    assert (status, err) == (0, '')
+    assert out.splitlines()[-1].startswith(f'{DEMO}: ') and 'error' not in out
+    assert '\x1b' not in out
+
+
+def test_check_of_a_bad_one(capsys):
+    config = write('bad.yaml', {'x': demo(homing_velocity_fast=0.2)})
+    status, out, _ = run(capsys, 'check', config, '--layout', PLANT)
+    assert status == 1
+    first = out.splitlines()[0]
+    assert first.startswith('error: axis x: hard-stop: at 0.2 m/s')
+    assert '[homing_velocity_fast: ' in first
+    assert '1 error' in out.splitlines()[-1] or 'errors' in out.splitlines()[-1]
+
+
+def test_check_as_json(capsys):
+    config = write('bad.yaml', {'x': demo(homing_velocity_fast=0.2)})
+    status, out, _ = run(capsys, 'check', config, '--layout', PLANT, '--json')
+    told = json.loads(out)
+    assert status == 1 and told['ok'] is False
+    one = told['findings'][0]
+    assert set(one) == {'severity', 'axis', 'check', 'what', 'why', 'parameter', 'value', 'right',
+                        'unit'}
+    assert (one['severity'], one['check'], one['parameter']) == (
+        'error', 'hard-stop', 'homing_velocity_fast')
+    assert 0 < one['right'] < 0.2 and one['unit'] == 'm/s'
+
+
+def test_check_without_a_layout(capsys):
+    status, out, _ = run(capsys, 'check', DEMO)
+    assert status == 0 and out == f'{DEMO}: nothing found\n'
+
+
+def test_check_of_one_axis(capsys):
+    config = write('two.yaml', {'x': demo(homing_velocity_fast=0.2), 'y': demo('y')})
+    assert run(capsys, 'check', config, '--layout', PLANT, '--axis', 'y')[0] == 0
+    assert run(capsys, 'check', config, '--layout', PLANT, '--axis', 'x')[0] == 1
+    status, _, err = run(capsys, 'check', config, '--axis', 'a')
+    assert status == 2 and 'x, y' in err
+
+
+def test_faults_of_the_configuration_are_findings(capsys):
+    config = write('bad.yaml', {'x': demo(travel='long', homing_velocity_fst=1.0)})
+    status, out, _ = run(capsys, 'check', config)
+    assert status == 1
+    assert 'bad.yaml:' in out and "'long'" in out and 'did you mean' in out
+    status, out, _ = run(capsys, 'check', config, '--json')
+    assert status == 1 and {one['check'] for one in json.loads(out)['findings']} == {
+        'configuration'}
+
+
+def test_the_timing_counts(capsys):
+    config = write('axes.yaml', {'x': demo(homing_velocity_fast=0.08)})
+    assert run(capsys, 'check', config, '--layout', PLANT)[0] == 0
+    assert run(capsys, 'check', config, '--layout', PLANT, '--latency', 0.05)[0] == 1
+    status, out, _ = run(capsys, 'check', DEMO, '--layout', PLANT, '--accuracy', 1e-6)
+    assert 'accuracy' in out and status == 0
+    _, out, _ = run(capsys, 'check', DEMO, '--feedback-rate', 4)
+    assert 'feedback-timeout' in out
+
+
+# ------------------------------------------------------------------------------------------- run
+
+
+def test_run_tells_the_course(capsys):
+    status, out, err = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'z')
+    assert (status, err) == (0, '')
+    assert out.startswith('axis z: HSHS Positive from 0.175: homed in ')
+    states = ['HSSearch', 'HSFallingEdgeSearchReverse', 'HSSearch', 'HSClearReverse',
+              'SecondHSSearch', 'HomeShift']
+    assert [line.split()[4] for line in out.splitlines() if '->' in line] == states
+    assert 'home position 0.15 (raw); true 0.15, off by' in out and 'real time' in out
+
+
+def test_run_homes_all_axes(capsys):
+    status, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT)
+    assert status == 0
+    assert [line.split(':')[0] for line in out.splitlines() if line.startswith('axis')] == [
+        'axis x', 'axis y', 'axis z']
+
+
+def test_run_from_another_start_with_another_type(capsys):
+    status, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'y', '--from', 0.03,
+                         '--type', 'HSZPulse', '--json')
+    told = json.loads(out)['runs'][0]
+    assert status == 0 and told['home_type'] == 'HSZPulse' and told['start'] == 0.03
+    assert told['states'][0]['state'] == 'HSAndZPulseSearch'
+    assert abs(told['off']) < 1e-9 and told['uncertainty'] < 1e-6
+
+
+def test_a_run_that_fails(capsys):
+    config = write('bad.yaml', {'y': demo('y', max_search_distance=0.05)})
+    status, out, _ = run(capsys, 'run', config, '--layout', PLANT)
+    assert status == 1
+    assert 'failed after' in out and 'SearchDistanceExceeded: axis y: ' in out
+
+
+def test_a_run_into_the_hard_stop_fails(capsys):
+    config = write('bad.yaml', {'x': demo(homing_velocity_fast=0.2, following_error=0.1)})
+    status, out, _ = run(capsys, 'run', config, '--layout', PLANT, '--from', 0.161)
+    assert status == 1 and 'ran into the hard stop at 0.205' in out
+
+
+def test_pause_mode_does_not_hold_a_rehearsal(capsys):
+    config = write('axes.yaml', {'x': demo(
+        pause_mode=True, switches=['home_switch', 'positive_limit_switch',
+                                   'negative_limit_switch', 'servo_enabled'])})
+    assert run(capsys, 'run', config, '--layout', PLANT)[0] == 0
+
+
+@pytest.mark.parametrize('rate', [400.0, 2000.0, 3.0])
+def test_any_update_rate(capsys, rate):
+    config = write('axes.yaml', {'x': demo()}, update_rate=rate, cycle_timeout=1.0)
+    status, _, err = run(capsys, 'run', config, '--layout', PLANT)
+    assert status in (0, 1) and not err
+
+
+def test_run_saves_and_plots(capsys):
+    status, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x',
+                         '--save', 'run.npz', '--plot', 'run.svg')
+    assert status == 0 and out.endswith('wrote run.npz\n  wrote run.svg\n')
+    course, title = record.load('run.npz')
+    assert title == 'x: HSHS from 0.05' and course.outcome.success
+    assert '<svg' in Path('run.svg').read_text()
+
+
+def test_runs_from_everywhere(capsys):
+    status, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts',
+                         '--starts', 9, '--save', 'starts.csv')
+    assert status == 0
+    assert out.startswith('axis x: HSHS Positive from 9 positions: 9 homed, 0 failed\n')
+    assert Path('x_starts.png').read_bytes().startswith(b'\x89PNG')
+    rows = list(csv.DictReader(Path('starts.csv').read_text().splitlines()))
+    assert [float(row['start']) for row in rows][::8] == [-0.005, 0.205]
+    assert all(row['error'] == '' and float(row['time']) > 0 for row in rows)
+
+
+def test_runs_from_everywhere_of_which_some_fail(capsys):
+    config = write('bad.yaml', {'x': demo(max_search_distance=0.1)})
+    status, out, _ = run(capsys, 'run', config, '--layout', PLANT, '--all-starts',
+                         '--starts', 9, '--plot', 'all.svg')
+    assert status == 1 and 'SearchDistanceExceeded from ' in out
+    assert '<svg' in Path('all.svg').read_text()
+
+
+def test_a_rehearsal_is_a_hundred_times_faster_than_the_machine():
+    example = EXAMPLES[HomeType.HSHS]
+    best = 0.0
+    for _ in range(5):
+        begin = process_time()
+        trial = rehearse_from(example.parameters, example.layout, transport_of(Timing()), 0.0)
+        best = max(best, trial.course.duration / (process_time() - begin))
+    assert best > 100.0
+
+
+# ------------------------------------------------------------------------------ plot and diagram
+
+
+def test_plot_of_a_record(capsys):
+    run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'z', '--save', 'run.csv')
+    assert run(capsys, 'plot', 'run.csv') == (0, 'wrote run.png\n', '')
+    assert Path('run.png').read_bytes().startswith(b'\x89PNG')
+    assert run(capsys, 'plot', 'run.csv', '-o', 'a.svg', '--layout', PLANT)[0] == 0
+    assert run(capsys, 'plot', 'run.csv', '-o', 'b.svg', '--layout', PLANT, '--axis', 'z',
+               '--panels', 'profile', '--unit', 'rad')[0] == 0
+    assert Path('a.svg').stat().st_size > Path('b.svg').stat().st_size
+
+
+def test_plot_needs_to_know_the_axis(capsys):
+    course = EXAMPLES[HomeType.HS].rehearse(EXAMPLES[HomeType.HS].runs[0])
+    record.save('run.npz', course, 'a run')
+    status, _, err = run(capsys, 'plot', 'run.npz', '--layout', PLANT)
+    assert status == 2 and '--axis: x, y, z' in err
+    Path('one.yaml').write_text('q: {hard_stops: [0.0, 0.12]}')
+    assert run(capsys, 'plot', 'run.npz', '--layout', 'one.yaml')[0] == 0
+
+
+def test_plot_of_what_is_no_record(capsys):
+    Path('run.npz').write_text('nonsense')
+    status, _, err = run(capsys, 'plot', 'run.npz')
+    assert status == 1 and err.startswith('homing: run.npz: no course in it')
+
+
+@pytest.mark.parametrize('home_type', HomeType)
+def test_diagram(capsys, home_type):
+    status, out, _ = run(capsys, 'diagram', home_type)
+    assert status == 0 and out.startswith('stateDiagram-v2')
+    status, out, _ = run(capsys, 'diagram', home_type, '--format', 'svg')
+    assert status == 0 and out.startswith('<svg')
+
+
+def test_diagram_into_a_file(capsys):
+    assert run(capsys, 'diagram', 'HS', '-o', 'hs.svg') == (0, 'wrote hs.svg\n', '')
+    assert Path('hs.svg').read_text().startswith('<svg')
+    run(capsys, 'diagram', 'HS', '-o', 'hs.mmd')
+    assert Path('hs.mmd').read_text().startswith('stateDiagram-v2')
+
+
+# ----------------------------------------------------------------------------- wrong usage, files
+
+
+@pytest.mark.parametrize('arguments, said', [
+    ([], 'COMMAND'),
+    (['home'], 'invalid choice'),
+    (['check'], 'CONFIG'),
+    (['run', DEMO], '--layout'),
+    (['run', DEMO, '--layout', PLANT, '--type', 'HSS'], 'HSS'),
+    (['run', DEMO, '--layout', PLANT, '--starts', '1', '--all-starts'], 'from 2'),
+    (['check', DEMO, '--latency', '-1'], '--latency'),
+    (['check', DEMO, '--latency', 'nan'], '--latency'),
+    (['check', DEMO, '--accuracy', '0'], '--accuracy'),
+    (['diagram', 'XX'], 'XX'),
+    (['run', DEMO, '--layout', PLANT, '--save', 'r.npz'], '--save is for one axis'),
+    (['run', DEMO, '--layout', PLANT, '--from', '0'], '--from is for one axis'),
+    (['run', DEMO, '--layout', PLANT, '--axis', 'q'], "'q' is none of the axes"),
+    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--from', '1'], 'beyond the hard stops'),
+    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--save', 'r.txt'], '.npz or .csv'),
+    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--plot', 'r.txt'], 'r.txt'),
+    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--save', 'no/r.npz'], 'No such file'),
+    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--starts', '2',
+      '--save', 'r.npz'], 'saved as .csv'),
+    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--type', 'HSZPulse'],
+     'x.switches: z_pulse is missing'),
+    (['check', 'none.yaml'], 'none.yaml: No such file'),
+    (['check', DEMO, '--layout', 'none.yaml'], 'none.yaml: No such file'),
+    (['run', 'none.yaml', '--layout', PLANT], 'none.yaml: No such file'),
+    (['check', DEMO, '--layout', DEMO], 'home_type is unknown'),
+    (['plot', 'none.npz'], 'none.npz: No such file'),
+    (['diagram', 'HS', '-o', 'no/hs.svg'], 'No such file'),
+])
+def test_wrong_usage_ends_with_2(capsys, arguments, said):
+    status, _, err = run(capsys, *arguments)
+    assert status == 2 and said in err, err
+    assert 'Traceback' not in err
+
+
+def test_a_run_needs_the_places_of_its_inputs(capsys):
+    Path('part.yaml').write_text('x: {hard_stops: [0.0, 0.2], home_switch: [0.15, 0.16]}')
+    status, _, err = run(capsys, 'run', DEMO, '--layout', 'part.yaml', '--axis', 'x')
+    assert status == 2 and err.count('homing: part.yaml: axis x: a run needs to know where') == 2
+    status, _, err = run(capsys, 'run', DEMO, '--layout', 'part.yaml', '--axis', 'y')
+    assert status == 2 and "no axis 'y' in it, only x" in err
+
+
+@pytest.mark.parametrize('command', ['', 'check', 'run', 'plot', 'diagram'])
+def test_help_teaches(capsys, command):
+    status, out, _ = run(capsys, *command.split(), '--help')
+    assert status == 0 and 'exit status:' in out
+    assert out.count('homing ') > (3 if not command else 2)
+    for number in '012':
+        assert f'\n  {number}  ' in out
+
+
+def test_the_layout_in_the_help_is_one(capsys):
+    _, out, _ = run(capsys, 'check', '--help')
+    begin = out.index('  x:\n')
+    Path('help.yaml').write_text(out[begin:out.index('  The parameter file of sim')])
+    config = write('axes.yaml', {'x': demo()})
+    assert run(capsys, 'check', config, '--layout', 'help.yaml')[0] == 0
+    assert run(capsys, 'run', config, '--layout', 'help.yaml')[0] == 0
+
+
+# -------------------------------------------------------------------------------------- terminal
+
+
+def on_a_terminal(*arguments, **environment):
+    """Run the command with a terminal as its output; return its exit status and what it wrote."""
+    lead, follow = pty.openpty()
+    plain = {name: value for name, value in os.environ.items() if name != 'NO_COLOR'}
+    child = subprocess.Popen(
+        [sys.executable, '-c', 'import sys; from homing_node.cli import main; sys.exit(main())',
+         *map(str, arguments)], stdout=follow, stderr=follow,
+        env={**plain, 'TERM': 'xterm-256color', 'COLUMNS': '100', **environment})
+    os.close(follow)
+    parts = []
+    while True:
+        try:
+            part = os.read(lead, 65536)
+        except OSError:
+            break
+        if not part:
+            break
+        parts.append(part)
+    os.close(lead)
+    return child.wait(), b''.join(parts).decode()
+
+
+def test_colours_where_a_terminal_is():
+    config = write('bad.yaml', {'x': demo(homing_velocity_fast=0.2)})
+    status, out = on_a_terminal('check', config, '--layout', PLANT)
+    assert status == 1 and '\x1b[1;31m' in out and '→' in out
+    status, out = on_a_terminal('check', config, '--layout', PLANT, NO_COLOR='1')
+    assert status == 1 and '\x1b[1;31m' not in out and '[31m' not in out
+    status, out = on_a_terminal('run', DEMO, '--layout', PLANT, '--axis', 'x')
+    assert status == 0 and '\x1b[' in out and 'SecondHSSearch' in out
+
+
+def test_progress_where_a_terminal_is():
+    status, out = on_a_terminal('run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts',
+                                '--starts', '5')
+    assert status == 0 and '100%' in out
+
+
+def test_a_closed_pipe_is_no_error():
+    code = ('import sys; from homing_node.cli import main; sys.exit(main())')
+    child = subprocess.Popen([sys.executable, '-c', code, 'diagram', 'HSHS'],
+                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    child.stdout.close()
+    err = child.stderr.read()
+    child.stderr.close()
+    assert child.wait() in (0, 120) and b'Traceback' not in err
+
+
+def test_no_ros_is_needed():
+    """The command works where rclpy cannot be imported, and checks without matplotlib."""
+    code = ("import sys; sys.modules['rclpy'] = sys.modules['matplotlib'] = None\n"
+            'from homing_node.cli import main; sys.exit(main())')
+    done = subprocess.run([sys.executable, '-c', code, 'check', DEMO, '--layout', PLANT],
+                          capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_parameter_that_a_remedy_names_exists(capsys):
+    """The remedies of the examples' findings can be pasted into the file."""
+    config = write('axes.yaml', {'x': demo(max_jerk=1.0, ls_dec=0.1, travel=0.4)})
+    _, out, _ = run(capsys, 'check', config, '--layout', PLANT, '--json')
+    named = {one['parameter'] for one in json.loads(out)['findings'] if one['right'] is not None}
+    assert named and named <= set(SPECS)

@@ -1,0 +1,100 @@
+"""Layout files: both forms, what may be unknown, and faults with their place."""
+
+from math import inf, isnan
+from pathlib import Path
+
+import pytest
+
+from homing_node.layout_file import InvalidLayout, load
+from homing_node.simulation import SwitchLayout
+
+CONFIG = Path(__file__).parent.parent / 'config'
+
+
+def read(tmp_path, text):
+    path = tmp_path / 'layout.yaml'
+    path.write_text(text)
+    return load(path)
+
+
+def test_the_parameters_of_simulated_axes():
+    found = load(CONFIG / 'simulated_axes.yaml')
+    assert list(found.layouts) == ['x', 'y', 'z']
+    assert found.layouts['y'].switches['home_switch'] == SwitchLayout(0.04, 0.05, 0.00005)
+    assert (found.feedback_rate, found.dead_time) == (500.0, 0.004)
+
+
+def test_a_plain_file_with_what_is_known(tmp_path):
+    found = read(tmp_path, """
+y:   # not a boolean here
+  hard_stops: [null, 2e-1]
+  home_switch: [0.15, 0.16]
+  positive_limit_switch: [0.19, null]
+  negative_limit_switch: null
+  index_pitch: 1e-2
+  index_offset: null
+""")
+    assert found.feedback_rate is None and found.dead_time is None
+    layout = found.layouts['y']
+    assert layout.hard_stops == (-inf, 0.2)
+    assert layout.switches == {'home_switch': SwitchLayout(0.15, 0.16),
+                               'positive_limit_switch': SwitchLayout(0.19, inf)}
+    assert layout.index_pitch == 0.01 and isnan(layout.index_offset)
+
+
+def test_nothing_known_but_the_axis(tmp_path):
+    assert read(tmp_path, 'x: {}').layouts['x'].hard_stops == (-inf, inf)
+
+
+@pytest.mark.parametrize('stops, start', [
+    ('[0.1, 0.3]', 0.2), ('[0.1, null]', 0.1), ('[null, -0.1]', -0.1), ('[-0.1, 0.1]', 0.0)])
+def test_an_axis_starts_within_its_travel(tmp_path, stops, start):
+    layout = read(tmp_path, f'x: {{hard_stops: {stops}}}').layouts['x']
+    assert layout.start == pytest.approx(start)
+
+
+def test_dotted_names_as_ros_reads_them(tmp_path):
+    found = read(tmp_path, """
+/**:
+  ros__parameters:
+    x.hard_stops: [0.0, 0.2]
+    x.lag: 0.01
+    x: {start: 0.1}
+""")
+    assert (found.layouts['x'].lag, found.layouts['x'].start) == (0.01, 0.1)
+
+
+@pytest.mark.parametrize('text, said', [
+    ('x:\n  hard_stops: [0.0, 0.2]\n  hom_switch: [0.1, 0.2]\n',
+     'layout.yaml:3: axis x: hom_switch is unknown'),
+    ('x:\n  lag: -1\n', 'layout.yaml:2: axis x: lag -1'),
+    ('x:\n  lag: [1, 2]\n', r'lag \[1, 2\] is not a number'),
+    ('x:\n  home_switch: [0.2, 0.1]\n', 'home_switch begins at 0.2'),
+    ('x: 3\n', 'layout.yaml: axis x: a mapping is expected|layout.yaml:1: axis x'),
+    ('- x\n', 'expected the names of axes'),
+    ('', 'expected the names of axes'),
+    ('x: [1\n', 'layout.yaml:[12]: '),
+    ('x: &a {}\ny: *b\n', 'undefined alias'),
+    ('/**:\n  ros__parameters:\n    axes: [x]\n', 'no axis in it'),
+    ('/**:\n  ros__parameters:\n    feedback_rate: fast\n    x: {}\n', "feedback_rate 'fast'"),
+    ('x: {lag: !!python/name:os.system ""}\n', 'could not determine a constructor'),
+])
+def test_faults_name_the_file_the_line_and_the_value(tmp_path, text, said):
+    with pytest.raises(InvalidLayout, match=said):
+        read(tmp_path, text)
+
+
+def test_all_faults_at_once(tmp_path):
+    with pytest.raises(InvalidLayout) as caught:
+        read(tmp_path, 'x:\n  lag: a\n  start: b\ny:\n  lagg: 1\n')
+    assert [fault.split(':')[1] for fault in caught.value.faults] == ['2', '3', '5']
+
+
+def test_a_file_that_cannot_be_read(tmp_path):
+    with pytest.raises(InvalidLayout, match='No such file'):
+        load(tmp_path / 'none.yaml')
+    with pytest.raises(InvalidLayout, match='directory'):
+        load(tmp_path)
+    (tmp_path / 'binary').write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(InvalidLayout, match='UTF-8'):
+        load(tmp_path / 'binary')

@@ -1,0 +1,139 @@
+"""A saved course is the same course, and a file that holds none is refused by name."""
+
+import json
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from homing_node import record
+from homing_node.axis import Outcome
+from homing_node.examples import BEYOND, EXAMPLES
+from homing_node.rehearsal import Course, Sample
+from homing_node.simulation import Happening
+from homing_node.states import Error, HomeType, Input, State
+
+SUFFIXES = ('.npz', '.csv')
+REAL = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@pytest.mark.parametrize('suffix', SUFFIXES)
+@pytest.mark.parametrize(
+    'home_type', [HomeType.HSHS, HomeType.HSReverseZPulse, HomeType.TouchProbe])
+def test_a_course_comes_back(tmp_path, suffix, home_type):
+    example = EXAMPLES[home_type]
+    course = example.rehearse(BEYOND if BEYOND in example.runs else example.runs[0])
+    path = tmp_path / f'run{suffix}'
+    record.save(path, course, 'x: "HSHS", from\n0.05')
+    found, title = record.load(path)
+    assert title == 'x: "HSHS", from\n0.05'
+    assert found.samples == course.samples
+    assert found.happenings == course.happenings
+    assert [type(one.value) for one in found.happenings] == [
+        type(one.value) for one in course.happenings]
+    assert found.outcome == course.outcome
+    assert found.arrows == course.arrows
+    assert found.duration == course.duration and found.states == course.states
+
+
+@pytest.mark.parametrize('suffix', SUFFIXES)
+@settings(max_examples=30, deadline=None)
+@given(
+    samples=st.lists(st.builds(Sample, REAL, st.sampled_from(list(map(str, State))),
+                               *[REAL] * 4), max_size=5),
+    happenings=st.lists(
+        st.builds(Happening, REAL, st.just(str(Input.HOME_SWITCH)), st.booleans(), REAL)
+        | st.builds(Happening, REAL, st.just(str(Input.Z_PULSE)), REAL, REAL), max_size=5),
+    outcome=st.none() | st.builds(
+        Outcome, st.sampled_from(Error), st.text(), REAL, REAL, REAL, st.integers(0, 9), REAL,
+        REAL, st.none() | REAL, st.lists(st.text()).map(tuple)),
+    title=st.text())
+def test_any_course_comes_back(tmp_path_factory, suffix, samples, happenings, outcome, title):
+    samples.sort(key=lambda sample: sample.time)
+    happenings.sort(key=lambda happening: happening.time)
+    path = tmp_path_factory.mktemp('record') / f'run{suffix}'
+    record.save(path, Course(samples, happenings, outcome), title)
+    found = record.load(path)
+    assert found == record.Record(Course(samples, happenings, outcome, []), title)
+
+
+def test_a_csv_is_a_table(tmp_path):
+    path = tmp_path / 'run.csv'
+    record.save(path, EXAMPLES[HomeType.HS].rehearse(EXAMPLES[HomeType.HS].runs[0]), 'x')
+    lines = path.read_text().splitlines()
+    head = [line for line in lines if line.startswith('#')]
+    assert head[0] == '# format: "homing course 1"' and len(head) == 4
+    assert lines[4] == 'time,state,position,velocity,acceleration,feedback,input,value'
+    assert any(',home_switch,1.0' in line for line in lines)
+
+
+@pytest.mark.parametrize('suffix', ['.txt', '', '.json'])
+def test_other_formats_are_refused(tmp_path, suffix):
+    path = tmp_path / f'run{suffix}'
+    with pytest.raises(ValueError, match=r'\.npz or \.csv'):
+        record.save(path, Course())
+    path.write_text('')
+    with pytest.raises(record.InvalidRecord, match=r'\.npz or \.csv'):
+        record.load(path)
+
+
+def test_a_missing_file_is_an_os_error(tmp_path):
+    for suffix in SUFFIXES:
+        with pytest.raises(FileNotFoundError):
+            record.load(tmp_path / f'none{suffix}')
+
+
+@pytest.mark.parametrize('suffix', SUFFIXES)
+@pytest.mark.parametrize(
+    'content', [b'', b'nonsense', b'PK\x03\x04broken', b'\xff\xfe\x00', b'a,b\n1,2\n'])
+def test_a_file_without_a_course_is_refused_by_name(tmp_path, suffix, content):
+    path = tmp_path / f'run{suffix}'
+    path.write_bytes(content)
+    with pytest.raises(record.InvalidRecord, match=f'run{suffix}: no course in it'):
+        record.load(path)
+
+
+def test_a_torn_npz_is_refused(tmp_path):
+    path = tmp_path / 'run.npz'
+    record.save(path, EXAMPLES[HomeType.HS].rehearse(EXAMPLES[HomeType.HS].runs[0]))
+    whole = path.read_bytes()
+    for length in range(0, len(whole), len(whole) // 40):
+        path.write_bytes(whole[:length])
+        with pytest.raises(record.InvalidRecord):
+            record.load(path)
+
+
+def test_no_pickle_is_read(tmp_path):
+    path = tmp_path / 'run.npz'
+    np.savez(path, state=np.array([{'a': 1}], dtype=object))
+    with pytest.raises(record.InvalidRecord, match='allow_pickle'):
+        record.load(path)
+
+
+@pytest.mark.parametrize('old, new, said', [
+    ('"homing course 1"', '"homing course 9"', 'homing course 9'),
+    (',HSSearch,', ',HSSearch,x', 'line 6'),
+    ('time,state', 'state,time', 'columns'),
+    ('"error": "NoError"', '"error": "Nonsense"', 'Nonsense'),
+    ('# outcome', '# result', 'outcome'),
+])
+def test_a_spoilt_csv_is_refused_with_the_place(tmp_path, old, new, said):
+    path = tmp_path / 'run.csv'
+    record.save(path, EXAMPLES[HomeType.HS].rehearse(EXAMPLES[HomeType.HS].runs[0]))
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(record.InvalidRecord, match=said):
+        record.load(path)
+
+
+def test_what_stands_in_the_npz(tmp_path):
+    path = tmp_path / 'run.npz'
+    record.save(path, EXAMPLES[HomeType.HS].rehearse(EXAMPLES[HomeType.HS].runs[0]))
+    assert zipfile.is_zipfile(path)
+    with np.load(path) as file:
+        assert {'time', 'state', 'position', 'velocity', 'acceleration', 'feedback'} <= set(file)
+        assert len(file['time']) == len(file['state'])
+        assert json.loads(str(file['about']))['outcome']['error'] == 'NoError'
