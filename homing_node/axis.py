@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from .history import History
 from .limits import Action
 from .machine import Machine
 from .motions import Way
@@ -74,6 +75,7 @@ class Axis:
         self.period = period
         self.machine: Machine | None = None
         self.outcome = Outcome(Error.NoError)
+        self.history = History()
         self.homed = False
         self.servo_on = True
         self.servo_enabled: bool | None = None
@@ -94,6 +96,8 @@ class Axis:
 
     def configure(self, parameters: AxisParameters) -> None:
         """Take new parameters; only while no run is on."""
+        if parameters.home_type is not self.parameters.home_type:
+            self.history.forget_homes()
         self.parameters = parameters
         sign = parameters.home_direction.sign
         if sign != self._sign:
@@ -313,6 +317,11 @@ class Axis:
         return self.outcome.message if self.machine is None else self.machine.message
 
     @property
+    def torque_limit(self) -> float:
+        """The torque limit that the drive shall keep, %; 0: none."""
+        return 0.0 if self.machine is None else self.machine.torque_limit
+
+    @property
     def hold_position(self) -> float:
         """The raw command that keeps the axis where it rests."""
         return self._sign * self._start_command()
@@ -419,6 +428,7 @@ class Axis:
                     and not self._settled(self._settling_since)):
                 return self._setpoint(now)
         self.outcome = self._outcome(machine)
+        self.history.add(self.outcome.error, self.outcome.home_position_raw)
         self.homed = self.outcome.success
         self.machine = None
         if machine.servo_off:

@@ -183,7 +183,7 @@ class _Values:
             velocity, velocity, acceleration, deceleration, p.max_jerk)
         if reverses and 0.0 < p.max_ls_reverse_distance <= overrun:
             yield self.found(
-                Severity.error, 'ls-reverse-bound',
+                Severity.warning, 'ls-reverse-bound',
                 f'max_ls_reverse_distance is {p.max_ls_reverse_distance:g} m, but the axis '
                 f'overruns a limit switch by {overrun:.4g} m before it turns',
                 'the distance counts from where it turns: the reversal always ends with '

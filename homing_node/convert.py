@@ -98,8 +98,8 @@ def home_message(outcomes: Sequence[Outcome]) -> str:
 
 
 def _home_text(outcome: Outcome) -> str:
-    text = (f'home_position_raw={outcome.home_position_raw!r} '
-            f'home_offset={outcome.home_offset!r} uncertainty={outcome.uncertainty:.3g}')
+    text = (f'home_position_raw={outcome.home_position_raw:.12g} '
+            f'home_offset={outcome.home_offset:.12g} uncertainty={outcome.uncertainty:.3g}')
     if outcome.passes > 1:
         text += (f' passes={outcome.passes} range={outcome.passes_range:.3g} '
                  f'deviation={outcome.passes_deviation:.3g}')
@@ -132,7 +132,7 @@ def feedback(stamp: int, axes: Sequence[Axis]) -> Home.Feedback:
 
 
 def diagnostics(stamp: int, node: str, axes: Iterable[Axis]) -> DiagnosticArray:
-    """Tell the level, state, last error and bounces of every axis."""
+    """Tell the level, state, last outcome and the history of every axis."""
     message = DiagnosticArray(status=[_diagnostic(node, axis) for axis in axes])
     message.header.stamp = to_stamp(stamp)
     return message
@@ -145,9 +145,15 @@ def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
         level, text = DiagnosticStatus.ERROR, f'{outcome.error}: {outcome.message}'
     elif not axis.homed and not axis.running:
         level, text = DiagnosticStatus.WARN, 'not homed'
+    elif outcome.warnings:
+        level, text = DiagnosticStatus.WARN, f'{text}; {"; ".join(outcome.warnings)}'
+    history = axis.history
     values = {
         'state': axis.state, 'homed': axis.homed, 'error': outcome.error,
-        'home_offset': outcome.home_offset, 'uncertainty': outcome.uncertainty}
+        'home_position_raw': outcome.home_position_raw, 'home_offset': outcome.home_offset,
+        'uncertainty': outcome.uncertainty, 'index_margin': outcome.index_margin,
+        'runs': history.runs, 'runs_homed': history.homed, 'home_range': history.range,
+        'home_deviation': history.deviation}
     return DiagnosticStatus(
         level=level, name=f'{node}: {axis.name}', message=text, hardware_id=axis.name,
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])

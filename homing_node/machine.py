@@ -98,6 +98,16 @@ class Machine:
         return self.error is not Error.NoError
 
     @property
+    def torque_limit(self) -> float:
+        """The torque limit that the mechanical end asks for, %; 0: none."""
+        p = self.parameters
+        if not p.homes_on_mechanical_end:
+            return 0.0
+        first = p.mechanical_end_detection_first_torque_limit
+        touched = self._end_since < math.inf or Event.END_DETECTED not in self.row.on
+        return p.mechanical_end_detection_second_torque_limit or first if touched else first
+
+    @property
     def traveled(self) -> tuple[float, float]:
         """Distance from the turning point, and what bounds it, m."""
         return abs(self.feedback - self._leg.feedback), self._rules.distance

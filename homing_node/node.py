@@ -27,16 +27,18 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64MultiArray
+from std_msgs.msg import Bool, Float64, Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from . import convert
 from .axis import Axis, Outcome, Setpoint
+from .check import Severity, check, errors
 from .configuration import (
     AXIS_SPECS,
     NODE_SPECS,
     TOPICS,
+    Configuration,
     SetpointInterface,
     check_axis_values,
     check_node_value,
@@ -46,7 +48,7 @@ from .configuration import (
 from .dispatch import Dispatch
 from .inputs import Inputs
 from .parameters import axis_parameters
-from .reports import Reports
+from .reports import Publishers, Reports
 from .services import Services
 from .spec import InvalidParameters
 from .states import Error, Input
@@ -90,8 +92,13 @@ class HomingNode(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__('homing_node', **kwargs)
-        given = {name: parameter.value for name, parameter in self._parameter_overrides.items()}
+        overrides = self._parameter_overrides
+        for name, parameter in overrides.items():
+            if parameter.type_ is Parameter.Type.NOT_SET:  # what rcl makes of an empty array
+                overrides[name] = Parameter(name, Parameter.Type.STRING_ARRAY, [])
+        given = {name: parameter.value for name, parameter in overrides.items()}
         checked = configuration(given)
+        self._prove(checked)
         self._declare(checked.axes)
         self._period = 1.0 / checked.update_rate
         self._cycle_timeout = checked.cycle_timeout
@@ -128,6 +135,15 @@ class HomingNode(Node):
 
     # ---------------------------------------------------------------------------------- creation
 
+    def _prove(self, checked: Configuration) -> None:
+        """Refuse what `homing check` finds to be an error; log its warnings."""
+        findings = check(checked)
+        if errors(findings):
+            raise InvalidParameters(finding.text for finding in errors(findings))
+        for finding in findings:
+            if finding.severity is Severity.warning:
+                self.get_logger().warning(finding.text)
+
     def _declare(self, axes: Iterable[str]) -> None:
         """Declare every parameter with its descriptor."""
         for spec in NODE_SPECS.values():
@@ -144,15 +160,18 @@ class HomingNode(Node):
             JointTrajectory, '~/setpoints', 1, qos_overriding_options=OVERRIDABLE)
         self._position_commands = self.create_publisher(
             Float64MultiArray, '~/position_commands', 1, qos_overriding_options=OVERRIDABLE)
-        states = {name: self.create_publisher(AxisState, f'~/{name}/state', latched(10))
-                  for name in self._axes}
-        servos = {name: self.create_publisher(Bool, f'~/{name}/servo_on', latched(1))
-                  for name in self._axes}
-        joint_states = self.create_publisher(JointState, '~/joint_states', 10)
-        diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
+        def per_axis(kind: Any, name: str, qos: Any) -> dict[str, Any]:
+            return {axis: self.create_publisher(kind, f'~/{axis}/{name}', qos)
+                    for axis in self._axes}
+
+        publishers = Publishers(
+            states=per_axis(AxisState, 'state', latched(10)),
+            servos=per_axis(Bool, 'servo_on', latched(1)),
+            torque_limits=per_axis(Float64, 'torque_limit', latched(1)),
+            joint_states=self.create_publisher(JointState, '~/joint_states', 10),
+            diagnostics=self.create_publisher(DiagnosticArray, '/diagnostics', 1))
         self._reports = Reports(
-            self._axes, self._joints, (states, servos, joint_states, diagnostics),
-            self._ros_time, self._lock, self.get_name())
+            self._axes, self._joints, publishers, self._ros_time, self._lock, self.get_name())
 
     def _create_services(self) -> None:
         group = ReentrantCallbackGroup()

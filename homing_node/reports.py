@@ -7,9 +7,9 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Any, NamedTuple
 
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float64
 
 from . import convert
 from .axis import Axis
@@ -23,41 +23,52 @@ DIAGNOSTICS_EVERY = 50
 Publish = Callable[[Any], None]
 
 
+class Publishers(NamedTuple):
+    """Where reports go; the first three by axis."""
+
+    states: Mapping[str, Any]
+    servos: Mapping[str, Any]
+    torque_limits: Mapping[str, Any]
+    joint_states: Any
+    diagnostics: Any
+
+
 class Reports:
     """Publishes every change of an axis, and what is due by time.
 
-    ``publishers`` are for the axis states and the servos by axis, the joint states and the
-    diagnostics; ``stamp`` returns the ROS time in ns; ``lock`` guards the axes.
+    ``stamp`` returns the ROS time in ns; ``lock`` guards the axes.
     """
 
     def __init__(
         self,
         axes: Mapping[str, Axis],
         joints: Mapping[str, str],
-        publishers: tuple[Mapping[str, Any], Mapping[str, Any], Any, Any],
+        publishers: Publishers,
         stamp: Callable[[], int],
         lock: threading.Lock,
         node_name: str,
     ) -> None:
         self._axes, self._joints = axes, joints
-        self._states, self._servos, self._joint_states, self._diagnostics = publishers
+        self._to = publishers
         self._stamp, self._lock, self._node_name = stamp, lock, node_name
         self._queue: SimpleQueue[tuple[Publish, Any]] = SimpleQueue()
-        self._seen: dict[str, tuple[object, ...]] = {}
+        self._seen_states: dict[str, tuple[object, ...]] = {}
+        self._seen_outputs: dict[str, tuple[bool, float]] = {}
         self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
 
     def note(self, axis: Axis) -> None:
         """Queue the state of an axis where it has changed; the lock is held."""
-        seen = (axis.state, axis.paused, axis.homed, axis.error, axis.servo_on)
-        before = self._seen.get(axis.name)
-        if seen == before:
-            return
-        self._seen[axis.name] = seen
-        self._queue.put((self._states[axis.name].publish,
-                         convert.axis_state(self._stamp(), axis)))
-        if before is None or before[-1] != axis.servo_on:
-            self._queue.put(
-                (self._servos[axis.name].publish, Bool(data=bool(axis.servo_on))))
+        name = axis.name
+        state = (axis.state, axis.paused, axis.homed, axis.error)
+        if self._seen_states.get(name) != state:
+            self._seen_states[name] = state
+            message = convert.axis_state(self._stamp(), axis)
+            self._queue.put((self._to.states[name].publish, message))
+        outputs = (axis.servo_on, axis.torque_limit)
+        if self._seen_outputs.get(name) != outputs:
+            self._seen_outputs[name] = outputs
+            self._queue.put((self._to.servos[name].publish, Bool(data=bool(outputs[0]))))
+            self._queue.put((self._to.torque_limits[name].publish, Float64(data=outputs[1])))
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Publish until the node has ended and all that was queued is out."""
@@ -96,13 +107,13 @@ class Reports:
         axes = list(self._axes.values())
         homed = {self._joints[axis.name]: axis.position for axis in axes if axis.homed}
         if homed:
-            due.append((self._joint_states.publish, convert.joint_states(stamp, homed)))
+            due.append((self._to.joint_states.publish, convert.joint_states(stamp, homed)))
         if turn % STATE_EVERY == 0:
-            due += [(self._states[axis.name].publish, convert.axis_state(stamp, axis))
+            due += [(self._to.states[axis.name].publish, convert.axis_state(stamp, axis))
                     for axis in axes if axis.running]
             due += [(goal.publish_feedback, convert.feedback(stamp, followed))
                     for goal, followed in self._goals.values()]
         if turn % DIAGNOSTICS_EVERY == 0:
-            due.append((self._diagnostics.publish,
+            due.append((self._to.diagnostics.publish,
                         convert.diagnostics(stamp, self._node_name, axes)))
         return due
