@@ -160,6 +160,7 @@ class HomingNode(Node):
             JointTrajectory, '~/setpoints', 1, qos_overriding_options=OVERRIDABLE)
         self._position_commands = self.create_publisher(
             Float64MultiArray, '~/position_commands', 1, qos_overriding_options=OVERRIDABLE)
+
         def per_axis(kind: Any, name: str, qos: Any) -> dict[str, Any]:
             return {axis: self.create_publisher(kind, f'~/{axis}/{name}', qos)
                     for axis in self._axes}
@@ -436,7 +437,10 @@ def main(args: list[str] | None = None) -> int:
 
     threading.Thread(target=wait_for_signal, daemon=True).start()
     while not node.finished.is_set():
-        executor.spin_once()
+        try:
+            executor.spin_once()
+        except Exception as error:  # of one callback: the axes and the other clients go on
+            node.get_logger().error(f'a callback broke: {error!r}')
     until = time.monotonic() + FAREWELL
     while executor._tasks and time.monotonic() < until:
         executor.spin_once(timeout_sec=0.01)
