@@ -1,0 +1,558 @@
+"""Starts the node and a plant as processes of their own and talks to them as a user would.
+
+Nothing here sleeps in order to synchronise: everything waits for a condition, with a deadline.
+Every world has a ROS domain of its own, so that runs side by side do not meet.
+"""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import rclpy
+import yaml
+from builtin_interfaces.msg import Time
+from homing_interfaces.msg import AxisState
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+#: How long anything may take that takes no time, s: only a failing or starved test waits for it.
+PATIENCE = 20.0
+#: Answers of a home request that only mean that the plant has not been heard yet.
+UNHEARD = ('SwitchUnknown', 'FeedbackStale')
+#: What a state of an axis looks like for a reader that joins late.
+LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+#: A participant that joins later than half a second after another is found by it only with its
+#: next announcement, which by default comes every 3 s.
+PROFILE = Path(__file__).with_name('quick_discovery.xml')
+os.environ.update(ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_PYTHON_CHECK_FIELDS='1',
+                  FASTRTPS_DEFAULT_PROFILES_FILE=str(PROFILE))
+
+#: Their ports lie beyond those that Linux gives to clients; people and programs prefer low ones.
+DOMAINS = range(215, 232)
+
+MAINS = {'homing_node': 'homing_node.node', 'simulated_axes': 'homing_node.simulation_node'}
+
+
+def wait_for(condition, timeout=PATIENCE, what='', pump=lambda: time.sleep(0.01)):
+    """Return the first true value of the condition; fail after the timeout."""
+    until = time.monotonic() + timeout
+    while not (value := condition()):
+        if time.monotonic() > until:
+            raise AssertionError(f'waited {timeout:g} s in vain: {what or condition}')
+        pump()
+    return value
+
+
+class Domain:
+    """A ROS domain that no other test of this machine uses at the same time."""
+
+    used = 0
+
+    def __init__(self):
+        folder = Path(tempfile.gettempdir()) / f'homing_node_test_domains_{os.getuid()}'
+        folder.mkdir(exist_ok=True)
+        first = os.getpid() + Domain.used
+        Domain.used += 1
+        for number in (DOMAINS[(first + i) % len(DOMAINS)] for i in range(len(DOMAINS))):
+            self._file = (folder / str(number)).open('a')
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                self._file.close()
+            else:
+                self.number = number
+                return
+        raise RuntimeError('all ROS domains of the tests are in use')
+
+    def release(self):
+        self._file.close()
+
+
+class PlainDumper(yaml.SafeDumper):
+    """Writes YAML as rcl reads it: no aliases, names in quotes (y is a boolean without)."""
+
+    def ignore_aliases(self, data):
+        return True
+
+    def represent_str(self, data):
+        return self.represent_scalar('tag:yaml.org,2002:str', data, style="'")
+
+
+PlainDumper.add_representer(str, PlainDumper.represent_str)
+
+
+class Process:
+    """An executable of the package as a process of its own, with its parameters from YAML."""
+
+    def __init__(self, name, folder, domain, parameters, arguments=()):
+        self.name = name
+        number = sum(1 for _ in folder.iterdir())
+        self._log = folder / f'{number}_{name}.log'
+        file = folder / f'{number}_{name}.yaml'
+        file.write_text(parameters if isinstance(parameters, str) else yaml.dump(
+            {'/**': {'ros__parameters': parameters}}, Dumper=PlainDumper))
+        code = f'import sys; from {MAINS[name]} import main; sys.exit(main())'
+        environment = {
+            **os.environ, 'ROS_DOMAIN_ID': str(domain.number), 'PYTHONFAULTHANDLER': '1',
+            'ROS_LOG_DIR': str(folder / 'log')}
+        with self._log.open('w') as log:
+            self.process = subprocess.Popen(
+                [sys.executable, '-c', code, '--ros-args', '--params-file', str(file),
+                 *arguments],
+                env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    @property
+    def output(self):
+        return self._log.read_text()
+
+    @property
+    def alive(self):
+        return self.process.poll() is None
+
+    def signal(self, number=signal.SIGINT):
+        self.process.send_signal(number)
+
+    def wait(self, timeout=PATIENCE):
+        """Return the exit status."""
+        return self.process.wait(timeout)
+
+    def close(self):
+        """Make sure that it has ended; return its exit status, or None if it had to be killed."""
+        if self.alive:
+            self.signal()
+            try:
+                self.process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+                return None
+        return self.process.returncode
+
+
+class Heard(NamedTuple):
+    """A message that was recorded; times are the system's, ns."""
+
+    message: object
+    sequence: int
+    sent: int
+    received: int
+
+
+class Client:
+    """A user's node in the test's process; only `until` and what calls it let time pass."""
+
+    def __init__(self, domain, node='/homing_node'):
+        self.target = node
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain.number,
+                   signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node('client', context=self.context, enable_rosout=False)
+        # What listens is polled: no executor may hold it up.
+        self._listener = rclpy.create_node('listener', context=self.context, enable_rosout=False,
+                                           start_parameter_services=False)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._clients = {}
+        self._recordings = []
+        self._watched = ()
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._listener.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    # ------------------------------------------------------------------------------- waiting
+
+    def watch(self, *processes):
+        """Fail at once, and not after the timeout, where one of these ends."""
+        self._watched = processes
+
+    def pump(self):
+        self._drain()
+        self._executor.spin_once(timeout_sec=0.01)
+        self._drain()
+        for process in self._watched:
+            if not process.alive:
+                raise AssertionError(f'{process.name} has ended:\n{process.output}')
+
+    def until(self, condition, timeout=PATIENCE, what=''):
+        """Return the first true value of the condition; fail after the timeout."""
+        return wait_for(condition, timeout, what, self.pump)
+
+    def pass_time(self, seconds):
+        """Record for a while: only where a test shows that nothing happens."""
+        end = time.monotonic() + seconds
+        self.until(lambda: time.monotonic() > end)
+
+    # ---------------------------------------------------------------------------- listening
+
+    def name(self, name):
+        """Return a full name of one that is relative to the node."""
+        return name if name.startswith('/') else f'{self.target}/{name}'
+
+    def record(self, kind, topic, qos=1000):
+        """Return the list that from now on gets every message of a topic."""
+        subscription = self._listener.create_subscription(
+            kind, self.name(topic), lambda _: None, qos)
+        heard = []
+        self._recordings.append((subscription, heard))
+        return heard
+
+    def _drain(self):
+        for subscription, heard in self._recordings:
+            handle, kind = subscription.handle, subscription.msg_type
+            while (taken := handle.take_message(kind, False)) is not None:
+                message, info = taken
+                heard.append(Heard(message, info['publication_sequence_number'],
+                                   info['source_timestamp'], info['received_timestamp']))
+
+    def record_states(self, axis):
+        return self.record(AxisState, f'{axis}/state', LATCHED)
+
+    # ------------------------------------------------------------------------------- asking
+
+    def send(self, kind, service, **fields):
+        """Call a service; return the future of its answer."""
+        key = self.name(service)
+        if key not in self._clients:
+            self._clients[key] = self.node.create_client(kind, key)
+        client = self._clients[key]
+        self.until(client.service_is_ready, what=f'service {key}')
+        return client.call_async(kind.Request(**fields))
+
+    def ask(self, kind, service, timeout=PATIENCE, **fields):
+        """Call a service; return its answer."""
+        return self.answer(self.send(kind, service, **fields), timeout)
+
+    def answer(self, future, timeout=PATIENCE):
+        self.until(future.done, timeout, 'an answer')
+        return future.result()
+
+    def trigger(self, service, timeout=PATIENCE):
+        return self.ask(Trigger, service, timeout)
+
+    def home(self, *axes, timeout=40.0):
+        """Home axes by a request each, at the same time; return the answers by axis.
+
+        Asks again while the node has not heard the plant.
+        """
+        answers = {}
+        pending = {axis: self.send(Trigger, f'{axis}/home') for axis in axes}
+
+        def look():
+            for axis in [axis for axis, future in pending.items() if future.done()]:
+                answer = pending.pop(axis).result()
+                if answer.message.startswith(UNHEARD):
+                    pending[axis] = self.send(Trigger, f'{axis}/home')
+                else:
+                    answers[axis] = answer
+            return not pending
+
+        self.until(look, timeout, f'homing of {axes}')
+        return answers
+
+    def start(self, axis):
+        """Request a home; return the future of its answer once the axis moves."""
+        setpoints = self.record(JointTrajectory, 'setpoints')
+        future = self.send(Trigger, f'{axis}/home')
+
+        def moves():
+            nonlocal future
+            if future.done():
+                answer = future.result()
+                assert answer.message.startswith(UNHEARD), answer.message
+                future = self.send(Trigger, f'{axis}/home')
+            return any(axis in s.message.joint_names for s in setpoints)
+
+        self.until(moves, what=f'motion of {axis}')
+        return future
+
+    def set(self, atomically=False, **values):
+        """Set parameters (`__` stands for the point); return one result, or one of each."""
+        parameters = [Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+                      for name, value in values.items()]
+        if atomically:
+            return self.ask(SetParametersAtomically, 'set_parameters_atomically',
+                            parameters=parameters).result
+        results = self.ask(SetParameters, 'set_parameters', parameters=parameters).results
+        return results[0] if len(results) == 1 else results
+
+    def get(self, *names):
+        values = self.ask(GetParameters, 'get_parameters', names=list(names)).values
+        return [Parameter.from_parameter_msg(
+            rclpy.parameter.ParameterMsg(name=name, value=value)).value
+            for name, value in zip(names, values, strict=True)]
+
+    def servo(self, axis, on):
+        return self.ask(SetBool, f'{axis}/servo', data=on)
+
+
+class HandPlant:
+    """A plant whose every message the test controls; the feedback is the last setpoint.
+
+    A thread publishes the feedback (and the clock, where it is told to) until it is silenced.
+    """
+
+    PERIOD = 0.004
+
+    def __init__(self, client, **positions):
+        self.client = client
+        self.positions = dict(positions)
+        self.silent = False  # no feedback
+        self.held = False  # nothing at all, not even the clock
+        self.sim_time = None  # ns, of /clock while time is simulated
+        self._node = rclpy.create_node('plant', context=client.context, enable_rosout=False,
+                                       start_parameter_services=False)
+        self._feedback = self._node.create_publisher(JointState, 'joint_states', 100)
+        self._clock = self._node.create_publisher(Clock, '/clock', 10)
+        self._setpoints = self._node.create_subscription(
+            JointTrajectory, client.name('setpoints'), lambda _: None, 100)
+        self._publishers = {}
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self):
+        self._ended.set()
+        self._thread.join()
+        self._node.destroy_node()
+
+    def set(self, topic, value):
+        """Publish a level or a latched position; the first call makes the publisher."""
+        kind = Bool if isinstance(value, bool) else Float64
+        self.announce(topic, kind).publish(kind(data=value))
+
+    def announce(self, topic, kind=Bool):
+        """Return the publisher of a topic; the first call makes it."""
+        if topic not in self._publishers:
+            self._publishers[topic] = self._node.create_publisher(
+                kind, self.client.name(topic), LATCHED)
+        return self._publishers[topic]
+
+    def set_levels(self, axis, home=False, positive=False, negative=False):
+        for name, level in (('home_switch', home), ('positive_limit_switch', positive),
+                            ('negative_limit_switch', negative)):
+            self.until_heard(f'{axis}/{name}', level)
+
+    def until_heard(self, topic, value):
+        """Publish a value as soon as the node listens: its side does not ask for history."""
+        self.set(topic, value)
+        publisher = self._publishers[topic]
+        self.client.until(lambda: publisher.get_subscription_count() > 0, what=topic)
+        self.set(topic, value)
+
+    def drop(self, topic):
+        """Destroy a publisher, as a driver that ends does."""
+        self._node.destroy_publisher(self._publishers.pop(topic))
+
+    def _run(self):
+        handle = self._setpoints.handle
+        while not self._ended.wait(self.PERIOD):
+            if self.held:
+                continue
+            while (taken := handle.take_message(JointTrajectory, False)) is not None:
+                message = taken[0]
+                self.positions.update(
+                    zip(message.joint_names, message.points[-1].positions, strict=True))
+            stamp = self.sim_time
+            if stamp is not None:
+                self.sim_time = stamp = stamp + round(self.PERIOD * 1e9)
+                self._clock.publish(Clock(clock=_stamp(stamp)))
+            if not self.silent:
+                message = JointState(name=list(self.positions),
+                                     position=[float(p) for p in self.positions.values()])
+                message.header.stamp = _stamp(time.time_ns() if stamp is None else stamp)
+                self._feedback.publish(message)
+
+
+def _stamp(nanoseconds):
+    return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+
+
+class World:
+    """A node, a client and, where its axes are given, a simulated plant."""
+
+    def __init__(self, folder, parameters, plant=None, node='/homing_node', arguments=(),
+                 plant_arguments=()):
+        self.folder = Path(folder)
+        self.domain = Domain()
+        self.processes = []
+        if plant is not None:
+            self.plant = self.run('simulated_axes', plant, plant_arguments)
+        self.node = self.run('homing_node', parameters, arguments)
+        self.client = Client(self.domain, node)
+        self.client.watch(*self.processes)
+
+    def run(self, name, parameters, arguments=()):
+        process = Process(name, self.folder, self.domain, parameters, arguments)
+        self.processes.append(process)
+        return process
+
+    def close(self):
+        """End everything; the processes must end well. The node first: it misses no plant."""
+        self.client.watch()
+        statuses = {p.name: p.close() for p in reversed(self.processes)}
+        outputs = {p.name: p.output for p in self.processes}
+        self.client.close()
+        self.domain.release()
+        assert not any(statuses.values()), (statuses, outputs)
+        assert None not in statuses.values(), (statuses, outputs)
+        assert not any('Traceback' in output for output in outputs.values()), outputs
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, *_):
+        try:
+            self.close()
+        except AssertionError:
+            if kind is None:
+                raise
+
+
+# ------------------------------------------------------------------------------- machines
+
+#: An axis of a simulated machine that homes toward positive, m and s. The marks of the index are
+#: 1.5 mm before the home switch.
+LAYOUT = {
+    'hard_stops': [-0.005, 0.085],
+    'negative_limit_switch': [-0.055, 0.0],
+    'positive_limit_switch': [0.08, 0.135],
+    'home_switch': [0.055, 0.061],
+    'home_switch_hysteresis': 0.00005,
+    'index_pitch': 0.01,
+    'index_offset': 0.0035,
+    'lag': 0.005,
+    'start': 0.04,
+}
+
+AXIS = {
+    'home_type': 'HSHS',
+    'travel': 0.08,
+    'homing_velocity_fast': 0.05,
+    'homing_velocity_slow': 0.005,
+    'homing_reverse_distance': 0.0005,
+    'max_jerk': 20.0,
+    'feedback_timeout': 1.0,  # on a busy machine the feedback may come late
+}
+
+
+def mirrored(layout):
+    """Return the layout whose axis homes toward negative."""
+    other = {'negative_limit_switch': 'positive_limit_switch',
+             'positive_limit_switch': 'negative_limit_switch'}
+    new = {}
+    for name, value in layout.items():
+        if isinstance(value, list):
+            new[other.get(name, name)] = [-value[1], -value[0]]
+        elif name in ('index_offset', 'start', 'touch_probe'):
+            new[name] = -value
+        else:
+            new[name] = value
+    return new
+
+
+def node_parameters(axes, **node):
+    """Return the parameters of a node whose axes are given as name -> what differs from AXIS."""
+    return {'axes': list(axes), 'cycle_timeout': 1.0, **node,
+            **{name: {**AXIS, **values} for name, values in axes.items()}}
+
+
+def plant_parameters(axes, **plant):
+    """Return the parameters of a plant whose axes are given as name -> what differs of LAYOUT."""
+    return {'axes': list(axes), **plant,
+            **{name: {**LAYOUT, **values} for name, values in axes.items()}}
+
+
+# --------------------------------------------------------------------------- what was heard
+
+
+def course(states):
+    """Return the states of an axis in order, without repetitions."""
+    names = [heard.message.state for heard in states]
+    return [name for before, name in zip([None, *names], names, strict=False) if name != before]
+
+
+class Sample(NamedTuple):
+    """One setpoint of a joint."""
+
+    sequence: int
+    position: float
+    velocity: float
+    acceleration: float
+    sent: int
+
+
+def course_of(setpoints, joint):
+    """Return the setpoints of one joint."""
+    samples = []
+    for heard in setpoints:
+        names, (point,) = heard.message.joint_names, heard.message.points
+        if joint in names:
+            i = names.index(joint)
+            samples.append(Sample(heard.sequence, point.positions[i], point.velocities[i],
+                                  point.accelerations[i], heard.sent))
+    return samples
+
+
+def assert_within_limits(samples, velocity, acceleration, jerk, period=0.004):
+    """Check by finite differences that setpoints are continuous and keep to their limits.
+
+    The k-th difference over a period is a mean of the k-th derivative, so it keeps to the limit.
+    """
+    assert len(samples) > 10
+    sequences = [s.sequence for s in samples]
+    assert sequences == list(range(sequences[0], sequences[0] + len(samples))), 'one was missed'
+    # At rest before and after: the first and the last setpoint are no steps either.
+    derivative = [s.position for s in samples]
+    # A position of 0.1 m is rounded to 1e-17 m; the third difference has 8 of them per 6.4e-8 s^3.
+    for name, limit in (('velocity', velocity), ('acceleration', acceleration), ('jerk', jerk)):
+        derivative = [(b - a) / period
+                      for a, b in pairwise(derivative)]
+        worst = max(map(abs, derivative))
+        assert worst <= limit * (1 + 1e-4) + 1e-6, (
+            f'{name} {worst} at {[abs(d) for d in derivative].index(worst)} of {len(derivative)}')
+    for s in samples:
+        assert abs(s.velocity) <= velocity * (1 + 1e-6)
+        assert abs(s.acceleration) <= acceleration * (1 + 1e-6)
+    for a, b in pairwise(samples):
+        # What is said of velocity and acceleration is what the positions do.
+        middle = (a.velocity + b.velocity) / 2
+        assert abs((b.position - a.position) / period - middle) <= jerk * period**2
+        assert abs(b.velocity - a.velocity) <= acceleration * period * (1 + 1e-6) + 1e-9
+        assert abs(b.acceleration - a.acceleration) <= jerk * period * (1 + 1e-4) + 1e-6
+
+
+def at_speed(client, setpoints, joint, velocity=0.0499):
+    """Wait until a joint has reached a velocity, toward positive."""
+    client.until(lambda: (samples := course_of(setpoints[-20:], joint))
+                 and samples[-1].velocity > velocity)
+
+
+def assert_stopped(client, setpoints, joint, acceleration=1.0, velocity=0.05):
+    """Check that a run stopped within its limits and that nothing moves afterwards."""
+    samples = course_of(setpoints, joint)
+    assert_within_limits(samples, velocity, acceleration, AXIS['max_jerk'])
+    assert samples[-1].velocity == samples[-1].acceleration == 0.0
+    count = len(setpoints)
+    client.pass_time(0.15)
+    assert len(setpoints) == count

@@ -1,0 +1,193 @@
+"""How the node starts, is wired and ends."""
+
+import signal
+import time
+from itertools import pairwise
+
+import pytest
+import ros_harness as ros
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+# ------------------------------------------------------------------------------ bad parameters
+
+def described(**changes):
+    """Return node parameters of one axis with changes; None leaves one out."""
+    axis = {**ros.AXIS, **changes}
+    return {'axes': ['x'], 'x': {name: v for name, v in axis.items() if v is not None}}
+
+
+def fault_cases():
+    return {
+        'several': (
+            {**described(travel=None, homing_velocity_fst=0.1, homing_velocity_slow=-1.0,
+                         home_type='HSHSH'), 'update_rat': 250.0, 'z': {'travel': 1.0}},
+            ['x.travel', 'x.homing_velocity_fst', "did you mean 'homing_velocity_fast'",
+             'x.homing_velocity_slow: -1.0 m/s must be > 0 m/s', "'HSHSH'", 'update_rat',
+             "did you mean 'update_rate'", 'z.travel']),
+        'unquoted y': (
+            '/**:\n  ros__parameters:\n    axes: [x, y]\n',
+            ['params', 'unquoted', "'y'"]),
+        'malformed': (
+            '/**:\n  ros__parameters:\n   axes: ["x"\n    x: {\n', ['params']),
+    }
+
+
+@pytest.fixture(scope='module')
+def refusals(tmp_path_factory):
+    """All of them at once: (exit status, output) by case."""
+    folder, domain = tmp_path_factory.mktemp('faults'), ros.Domain()
+    processes = {
+        name: ros.Process('homing_node', folder, domain, parameters)
+        for name, (parameters, _) in fault_cases().items()}
+    for process in processes.values():
+        process.wait()
+    domain.release()
+    return {name: (process.wait(), process.output) for name, process in processes.items()}
+
+
+@pytest.mark.parametrize('case', fault_cases())
+def test_bad_parameters_stop_the_start(refusals, case):
+    status, output = refusals[case]
+    assert status == 1, output
+    for part in fault_cases()[case][1]:
+        assert part in output, output
+    assert 'Traceback' not in output, output
+
+
+# ------------------------------------------------------------------------------------- the end
+
+@pytest.fixture(scope='module')
+def ended(tmp_path_factory):
+    """Let two nodes end in the middle of a search: what was seen, by signal."""
+    seen = {}
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with ros.World(tmp_path_factory.mktemp(number.name),
+                       ros.node_parameters({'x': {'travel': 1.0}})) as world:
+            client = world.client
+            hand = ros.HandPlant(client, x=0.1)
+            hand.set_levels('x')
+            setpoints = client.record(JointTrajectory, 'setpoints')
+            states = client.record_states('x')
+            future = client.start('x')
+            client.until(lambda s=setpoints: ros.course_of(s, 'x')[-1].velocity > 0.0499)
+            client.watch()
+            told, told_ns = time.monotonic(), time.time_ns()
+            world.node.signal(number)
+            client.until(lambda w=world: not w.node.alive)
+            took = time.monotonic() - told
+            client.until(future.done, 2.0, 'the answer of a node that ends')
+            client.pump()
+            hand.close()
+        seen[number] = (world, setpoints, states, future.result(), took, told_ns)
+    return seen
+
+
+SIGNALS = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+
+
+@SIGNALS
+def test_a_signal_stops_the_axis_within_its_deceleration(ended, number):
+    _, setpoints, _, _, _, told = ended[number]
+    samples = ros.course_of(setpoints, 'x')
+    ros.assert_within_limits(samples, 0.05, 0.5, 20.0)
+    assert samples[-1].velocity == samples[-1].acceleration == 0.0
+    before = [s for s in samples if s.sent < told]
+    # v^2 / 2a + v a / 2j, and a tenth of a second until the node has noticed.
+    assert samples[-1].position - before[-1].position < 0.0025 + 0.000625 + 0.005
+    assert samples[-1].position < 0.8  # in the middle of the search, not at its end
+
+
+@SIGNALS
+def test_a_signal_answers_the_request_and_ends_the_node(ended, number):
+    world, _, states, answer, took, _ = ended[number]
+    assert world.node.wait() == 0
+    assert not answer.success
+    assert answer.message.startswith('Canceled: axis x: '), answer.message
+    assert took < 2.0
+    assert 'Traceback' not in world.node.output
+    assert ros.course(states)[-2:] == ['Cancel', 'Idle']
+    assert states[-1].message.error == 'Canceled'
+
+
+# ------------------------------------------------------- position interface, names and topics
+
+@pytest.fixture(scope='module')
+def cell(tmp_path_factory):
+    """Run a node of another name in a namespace, wired by remapping and by its parameters."""
+    axes = {'a': {'topics': {'home_switch': '/io/flag', 'positive_limit_switch': 'io/limit'}},
+            'b': {'joint': 'joint_b', 'home_direction': 'Negative', 'home_type': 'HS'},
+            'c': {'home_type': 'HS'}}
+    names = ['-r', '__ns:=/cell']
+    with ros.World(
+            tmp_path_factory.mktemp('cell'),
+            ros.node_parameters(axes, setpoint_interface='position',
+                                home_sequence=['c, b', 'a']),
+            ros.plant_parameters(
+                {'a': {}, 'b': {**ros.mirrored(ros.LAYOUT), 'joint': 'joint_b'}, 'c': {}},
+                target_node='/cell/homer', setpoint_interface='position'),
+            node='/cell/homer',
+            arguments=[*names, '-r', '__node:=homer', '-r', 'joint_states:=/cell/feedback',
+                       '-r', '~/c/home_switch:=/io/c'],
+            plant_arguments=[
+                *names, '-r', 'joint_states:=/cell/feedback',
+                '-r', '/cell/homer/a/home_switch:=/io/flag',
+                '-r', '/cell/homer/c/home_switch:=/io/c',
+                '-r', '/cell/homer/a/positive_limit_switch:=/cell/io/limit']) as world:
+        yield world
+
+
+def test_a_sequence_in_a_namespace_with_position_commands(cell):
+    client = cell.client
+    commands = client.record(Float64MultiArray, 'position_commands')
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    client.until(lambda: ('homer', '/cell') in client.node.get_node_names_and_namespaces())
+
+    def answered():
+        answer = client.trigger('home', 40.0)
+        return None if answer.message.startswith(ros.UNHEARD) else answer
+
+    answer = client.until(answered)
+    assert answer.success, answer.message
+    assert answer.message.startswith('Homed: ')
+    assert not setpoints
+    rows = [heard.message.data for heard in commands]
+    assert [heard.sequence for heard in commands] == list(
+        range(commands[0].sequence, commands[0].sequence + len(commands)))
+    # In the order of `axes`; an axis that is idle keeps what it had.
+    assert {len(row) for row in rows} == {3}
+    assert rows[0] == pytest.approx([0.04, -0.04, 0.04], abs=1e-5)
+    moved = {}
+    for axis, joint in enumerate('abc'):
+        values = [row[axis] for row in rows]
+        changes = [i for i, (x, y) in enumerate(pairwise(values)) if x != y]
+        moved[joint] = (changes[0], changes[-1])
+        first, last = moved[joint]
+        assert set(values[:first]) <= {values[0]}
+        assert set(values[last + 1:]) == {values[-1]}
+        samples = [ros.Sample(i, p, 0.0, 0.0, 0) for i, p in enumerate(values)]
+        derivative = [s.position for s in samples]
+        for limit in (0.05, 0.5, 20.0):
+            derivative = [(y - x) / 0.004
+                          for x, y in pairwise(derivative)]
+            assert max(map(abs, derivative)) <= limit * (1 + 1e-4) + 1e-6
+    assert moved['b'][0] < 5
+    assert moved['c'][0] < 5
+    assert moved['a'][0] > max(moved['b'][1], moved['c'][1])
+    assert rows[-1] == pytest.approx([0.055, -0.055, 0.055], abs=1e-4)
+    count = len(commands)
+    client.pass_time(0.1)
+    assert len(commands) == count
+
+
+def test_topics_that_were_wired(cell):
+    client = cell.client
+    heard = dict(client.node.get_subscriber_names_and_types_by_node('homer', '/cell'))
+    assert {'/io/flag', '/cell/io/limit', '/io/c', '/cell/feedback',
+            '/cell/homer/a/negative_limit_switch', '/cell/homer/emergency_stop'} <= set(heard)
+    assert '/cell/homer/a/home_switch' not in heard
+    assert '/joint_states' not in heard
+
+
+def test_parameters_under_another_name(cell):
+    assert cell.client.get('a.travel', 'home_sequence') == [0.08, ['c, b', 'a']]

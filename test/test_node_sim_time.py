@@ -1,0 +1,75 @@
+"""The node in simulated time, with a plant whose every message the test controls."""
+
+import time
+
+import pytest
+import ros_harness as ros
+from trajectory_msgs.msg import JointTrajectory
+
+
+@pytest.fixture(scope='module')
+def simulated(tmp_path_factory):
+    with ros.World(tmp_path_factory.mktemp('simulated'), ros.node_parameters(
+            {'x': {'home_type': 'HS', 'travel': 1.0}}, use_sim_time=True)) as world:
+        world.hand = ros.HandPlant(world.client, x=0.0)
+        world.hand.sim_time = 100_000_000_000
+        world.hand.set_levels('x')
+        yield world
+        world.hand.close()
+
+
+def test_simulated_time(simulated):
+    client, hand = simulated.client, simulated.hand
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    states = client.record_states('x')
+    future = client.start('x')
+    ros.at_speed(client, setpoints, 'x')
+
+    hand.held = True  # the clock stands still
+    client.pass_time(0.1)
+    count = len(setpoints)
+    client.pass_time(0.5)  # longer than every timeout
+    assert len(setpoints) == count
+    assert not future.done()
+    hand.held = False
+    client.until(lambda: len(setpoints) > count + 20)
+
+    hand.set('x/home_switch', True)
+    flag = hand.positions['x']
+    answer = client.answer(future)
+    assert answer.success, answer.message
+    raw = float(answer.message.split('home_position_raw=')[1].split()[0])
+    assert raw == pytest.approx(flag, abs=0.05 * 0.02)
+    client.until(lambda: states[-1].message.homed)
+    assert 100 <= states[-1].message.header.stamp.sec < 200
+    ros.assert_within_limits(ros.course_of(setpoints, 'x'), 0.05, 0.5, 20.0)
+    hand.set('x/home_switch', False)
+
+
+def test_simulated_time_jumps(simulated):
+    client, hand = simulated.client, simulated.hand
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    future = client.start('x')
+    ros.at_speed(client, setpoints, 'x')
+    hand.sim_time += 1_000_000_000
+    answer = client.answer(future, 5.0)
+    assert answer.message.startswith('CycleLate: axis x: '), answer.message
+    ros.assert_stopped(client, setpoints, 'x')
+
+
+def test_a_signal_while_simulated_time_stands(simulated):
+    """Nothing can come to rest then; the node ends all the same."""
+    client, hand = simulated.client, simulated.hand
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    future = client.start('x')
+    ros.at_speed(client, setpoints, 'x')
+    hand.held = True
+    client.watch()
+    told = time.monotonic()
+    simulated.node.signal()
+    client.until(lambda: not simulated.node.alive)
+    assert simulated.node.wait() == 0
+    assert time.monotonic() - told < 3.0
+    answer = client.answer(future, 1.0)
+    assert not answer.success
+    assert answer.message.startswith('Canceled: axis x: '), answer.message
