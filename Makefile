@@ -14,7 +14,7 @@ unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON
 # Processes that are started here neither hear nor disturb ROS nodes of other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help venv demo lint test bench bench-accuracy docs clean
+.PHONY: help venv demo lint test test-faults fuzz bench bench-accuracy docs clean
 .DELETE_ON_ERROR:
 
 help:
@@ -22,6 +22,8 @@ help:
 	@echo 'make demo    home simulated axes and show what happens'
 	@echo 'make test    lint, then run all tests'
 	@echo 'make lint    ruff, and mypy --strict on the core'
+	@echo 'make test-faults   run every fault scenario, print what became of it'
+	@echo 'make fuzz    random geometries and random messages, for long (half an hour)'
 	@echo 'make bench   measure how fast it is (ten minutes); make bench-accuracy: how exact'
 	@echo 'make docs    make the generated pages of doc/ again'
 	@echo 'make clean   remove $(VENV) and everything generated'
@@ -37,6 +39,15 @@ lint: venv
 test: lint
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest
 
+test-faults: venv
+	@$(VENV)/bin/python scripts/faults.py
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest -q test/test_faults.py \
+	  test/test_node_faults.py
+
+fuzz: venv
+	HOMING_FUZZ=1 $(VENV)/bin/python -m pytest -q test/test_invariants.py \
+	  test/test_node_faults.py::test_any_messages_in_any_order
+
 bench: venv
 	@$(VENV)/bin/python bench
 
@@ -46,6 +57,7 @@ bench-accuracy: venv
 docs: venv
 	$(VENV)/bin/python scripts/docs.py
 	$(VENV)/bin/python scripts/reference.py
+	$(VENV)/bin/python scripts/faults.py --write
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info

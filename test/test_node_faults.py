@@ -1,0 +1,508 @@
+"""Faults between processes: what dies, hangs, lies or is cut off while an axis homes."""
+
+import itertools
+import json
+import math
+import signal
+import subprocess
+import sys
+import time
+from types import SimpleNamespace
+
+import cable
+import pytest
+import ros_harness as ros
+import yaml
+from builtin_interfaces.msg import Time
+from core_rig import rig
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from homing_node.axis import Axis
+from homing_node.inputs import Inputs
+from homing_node.states import Input
+
+SPEED = 0.05
+DRIVE = {'command_timeout': 0.1, 'stop_dec': 1.0}
+#: How far such a drive goes after its last setpoint: two cycles, the timeout, its own stop.
+DRIVE_STOPS = SPEED * (0.008 + 0.1) + SPEED**2 / 2.0
+
+
+# -- a node that dies -----------------------------------------------------------------------------
+
+def test_the_node_is_killed(tmp_path):
+    """The drive stops by itself; the next node knows no home and moves nothing."""
+    parameters = ros.node_parameters({'x': {'homing_reverse_distance': 0.02}})
+    with ros.World(tmp_path, parameters, ros.plant_parameters({'x': DRIVE})) as world:
+        client = world.client
+        assert client.home('x')['x'].success
+        setpoints = client.record(JointTrajectory, 'setpoints')
+        feedback = client.record(JointState, '/joint_states')
+        client.start('x')
+        client.until(lambda: setpoints
+                     and ros.course_of(setpoints, 'x')[-1].velocity < -0.0499)
+
+        client.watch()
+        world.node.signal(signal.SIGKILL)
+        world.node.wait()
+        world.processes.remove(world.node)
+        client.until(lambda: at_rest(feedback, 40))
+        last = setpoints[-1]
+        moved = [heard.message.position[0] for heard in feedback if heard.sent > last.sent]
+        assert abs(moved[-1] - moved[0]) < DRIVE_STOPS + 0.002
+        assert abs(moved[-1] - moved[0]) > SPEED * 0.05  # the drive had to stop by itself
+
+        states = client.record_states('x')
+        setpoints.clear()
+        restarted = time.time_ns()
+        world.node = world.run('homing_node', parameters)
+        client.watch(*world.processes)
+        new = client.until(lambda: [h for h in states if h.sent > restarted], what='its state')
+        client.pass_time(0.3)
+        assert (new[0].message.state, new[0].message.homed) == ('Idle', False)
+        assert not setpoints
+        assert feedback[-1].message.position[0] == pytest.approx(moved[-1], abs=1e-6)
+        client.until(lambda: client.node.get_publishers_info_by_topic(
+            client.name('x/state')))
+        assert home_again(client).success
+
+
+def at_rest(feedback, samples):
+    last = [heard.message.position[0] for heard in feedback[-samples:]]
+    return len(last) == samples and max(last) - min(last) < 1e-7
+
+
+def home_again(client, axis='x'):
+    """Home at a node that was restarted: the killed one's services stay listed for a while."""
+    def answered():
+        future = client.send(Trigger, f'{axis}/home')
+        until = time.monotonic() + 10.0
+        client.until(lambda: future.done() or time.monotonic() > until)
+        answer = future.result() if future.done() else None
+        return answer if answer and not answer.message.startswith((*ros.UNHEARD, 'Busy')) else None
+    return client.until(answered, 60.0)
+
+
+# -- a node that hangs, clients and readers that vanish -------------------------------------------
+
+AXES = {'x': {'home_type': 'HS', 'travel': 1.0, 'feedback_timeout': 1.0},
+        'y': {'home_type': 'HS', 'travel': 1.0}}
+
+
+@pytest.fixture(scope='module')
+def world(tmp_path_factory):
+    parameters = ros.node_parameters(AXES, cycle_timeout=0.5)
+    with ros.World(tmp_path_factory.mktemp('faults'), parameters) as world:
+        world.hand = ros.HandPlant(world.client, x=0.0, y=0.0)
+        for axis in AXES:
+            world.hand.set_levels(axis)
+        yield world
+        world.hand.close()
+
+
+@pytest.fixture
+def client(world):
+    yield world.client
+    assert world.client.trigger('cancel').success
+    world.hand.set('x/home_switch', False)
+
+
+@pytest.fixture
+def setpoints(client):
+    return client.record(JointTrajectory, 'setpoints')
+
+
+@pytest.mark.parametrize('held', [0.05, 0.2, 1.0])
+def test_the_node_is_held_up(client, world, setpoints, held):
+    """What was missed is not made up for; beyond cycle_timeout (0.5 s) the run ends."""
+    future = client.start('x')
+    ros.at_speed(client, setpoints, 'x')
+    world.node.signal(signal.SIGSTOP)
+    stopped = time.monotonic()
+    client.until(lambda: time.monotonic() > stopped + held)
+    world.node.signal(signal.SIGCONT)
+    count = len(setpoints)
+    if held > 0.5:
+        answer = client.answer(future)
+        assert answer.message.startswith('CycleLate: axis x: '), answer.message
+        client.until(lambda: setpoints[-1].message.points[0].velocities[0] == 0.0)
+    else:
+        client.until(lambda: len(setpoints) > count + 50)
+        assert not future.done()
+        world.hand.set('x/home_switch', True)
+        answer = client.answer(future)
+        assert answer.success, answer.message
+    ros.assert_within_limits(ros.course_of(setpoints, 'x'), SPEED, 1.0, 20.0)
+
+
+READER = """
+import sys, time, rclpy
+from homing_interfaces.msg import AxisState
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+rclpy.init()
+node = rclpy.create_node('reader', enable_rosout=False)
+kept = [node.create_subscription(kind, '/homing_node/' + topic, print, 1)
+        for kind, topic in ((JointTrajectory, 'setpoints'), (AxisState, 'x/state'),
+                            (JointState, 'joint_states'))]
+print('ready', flush=True)
+time.sleep(1000.0)  # it never takes a message
+"""
+
+
+def another(world, code, *arguments):
+    """Run a program in the domain of the world, and wait for its first line."""
+    process = subprocess.Popen(
+        [sys.executable, '-c', code, *arguments], stdout=subprocess.PIPE, text=True,
+        env={**ros.os.environ, 'ROS_DOMAIN_ID': str(world.domain.number)})
+    assert process.stdout.readline() == 'ready\n'
+    return process
+
+
+def test_a_reader_hangs_and_is_killed(client, world, setpoints):
+    """The cycle does not wait for it: no setpoint is missed, and none is a larger step."""
+    with another(world, READER) as reader:
+        client.until(lambda: client.node.count_subscribers(client.name('x/state')) > 0)
+        future = client.start('x')
+        ros.at_speed(client, setpoints, 'x')
+        count = len(setpoints)
+        client.until(lambda: len(setpoints) > count + 100)
+        reader.kill()
+        reader.wait()
+        count = len(setpoints)
+        client.until(lambda: len(setpoints) > count + 800)  # a publisher may block seconds later
+        assert not future.done()
+    world.hand.set('x/home_switch', True)
+    answer = client.answer(future)
+    assert answer.success, answer.message
+    ros.assert_within_limits(ros.course_of(setpoints, 'x'), SPEED, 0.5, 20.0)
+
+
+CALLER = """
+import sys, rclpy
+from homing_interfaces.action import Home
+from rclpy.action import ActionClient
+from std_srvs.srv import Trigger
+rclpy.init()
+node = rclpy.create_node('caller', enable_rosout=False)
+if sys.argv[1] == 'action':
+    client = ActionClient(node, Home, '/homing_node/home')
+    client.wait_for_server()
+    client.send_goal_async(Home.Goal(axes=['x']))
+else:
+    client = node.create_client(Trigger, '/homing_node/x/home')
+    client.wait_for_service()
+    client.call_async(Trigger.Request())
+print('ready', flush=True)
+rclpy.spin(node)
+"""
+
+
+@pytest.mark.parametrize('kind', ['service', 'action'])
+def test_a_client_vanishes_while_it_waits(client, world, setpoints, kind):
+    """The run goes on to its end, and the node goes on serving."""
+    states = client.record_states('x')
+    with another(world, CALLER, kind) as caller:
+        ros.at_speed(client, setpoints, 'x')
+        caller.kill()
+        caller.wait()
+    count = len(setpoints)
+    client.until(lambda: len(setpoints) > count + 50)
+    world.hand.set('x/home_switch', True)
+    client.until(lambda: states[-1].message.homed)
+    world.hand.set('x/home_switch', False)
+    setpoints.clear()
+    future = client.start('x')
+    assert not future.done()
+
+
+# -- messages that lie ----------------------------------------------------------------------------
+
+def test_feedback_that_is_huge_or_broken(client, world, setpoints):
+    """Far too many joints, lengths that do not fit, names that are no text."""
+    publisher = client.node.create_publisher(JointState, '/joint_states', 10)
+    client.until(lambda: publisher.get_subscription_count() > 0)
+    future = client.start('x')
+    names = [f'joint_{i}' for i in range(20000)]
+    broken = serialize_message(JointState(name=['AAAA'], position=[0.0]))
+    for message in (JointState(name=names, position=[1.0] * 20000),
+                    JointState(name=['x'] * 3, position=[]),
+                    JointState(name=[], position=[1.0] * 1000),
+                    JointState(name=['x', 'y'], position=[math.nan, math.inf]),
+                    JointState(name=['', 'ж', '\x00x'[:1]], position=[1.0, 2.0, 3.0]),
+                    broken.replace(b'AAAA', b'\xff\xfe\xc3\x28'),
+                    broken[:-6]):
+        publisher.publish(message)
+    ros.at_speed(client, setpoints, 'x')
+    assert not future.done()
+    assert world.node.alive
+    ros.assert_within_limits(ros.course_of(setpoints, 'x'), SPEED, 0.5, 20.0)
+    client.node.destroy_publisher(publisher)
+
+
+def test_a_topic_of_another_type(client, world, setpoints):
+    """A switch that publishes numbers is not heard: it does not stand in for the switch."""
+    world.hand.drop('y/home_switch')
+    publisher = client.node.create_publisher(Float64, client.name('y/home_switch'), 10)
+    for _ in range(20):
+        publisher.publish(Float64(data=1.0))
+        client.pump()
+    client.until(lambda: client.trigger('y/home').message.startswith('SwitchUnknown: axis y: '))
+    assert not setpoints
+    client.node.destroy_publisher(publisher)
+    world.hand.until_heard('y/home_switch', False)
+    client.start('y')
+
+
+@pytest.mark.parametrize('content', [
+    b'\xff\xfe\x00axes', b'', b'\x00' * 64, b'/**:\n  ros__parameters:\n    axes: ["\xc3\x28"]\n',
+    b'- 1\n- 2\n', b'/**: {ros__parameters: {axes: [.nan, .inf]}}\n',
+    b'/**:\n  ros__parameters:\n    axes: ["x"]\n    x: {travel: .inf, home_type: HS}\n',
+    b'/**:\n  ros__parameters: &a\n    axes: *a\n'], ids=range(8))
+def test_parameters_that_are_no_yaml(tmp_path, content):
+    """They end the start with a message, whatever they are."""
+    file = tmp_path / 'bad.yaml'
+    file.write_bytes(content)
+    code = 'import sys; from homing_node.node import main; sys.exit(main())'
+    ended = subprocess.run(
+        [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)],
+        capture_output=True, timeout=ros.PATIENCE, check=False)
+    output = ended.stdout + ended.stderr
+    assert ended.returncode == 1, output
+    assert b'homing_node: ' in output
+    assert b'Traceback' not in output, output
+
+
+# -- anything at all ------------------------------------------------------------------------------
+
+class Subscription:
+    """What Inputs polls; a list stands for the middleware."""
+
+    def __init__(self, kind, topic):
+        self.msg_type, self.topic_name = kind, topic
+        self.handle = self
+        self.waiting = []
+
+    def take_message(self, kind, raw):
+        assert kind is self.msg_type
+        return self.waiting.pop(0) if self.waiting else None
+
+    @staticmethod
+    def get_publisher_count():
+        return 1
+
+
+class Cell:
+    """An axis that homes, behind the node's own inputs, without a graph."""
+
+    PERIOD = 0.004
+
+    def __init__(self, home_type):
+        self.axis = Axis('x', rig(home_type).parameters(), self.PERIOD)
+        self.topics = {}
+        self.clock = SimpleNamespace(now=1000.0, simulated=False, time_of=self._time_of)
+        self.inputs = Inputs({'x': self.axis}, {'x': 'x'}, self.clock, self._subscribe,
+                             lambda _: None, 10)
+        self.inputs.wire('x', {})
+        self.last = None
+        for source in self.axis.parameters.inputs:
+            if 'switch' in source:
+                self.say(source, Bool(data=False))
+        self.say('joint_states', JointState(name=['x'], position=[0.05]))
+        self.cycle()
+        assert self.axis.home(self.clock.now) is None
+
+    def _subscribe(self, kind, topic, _):
+        name = topic.rpartition('/')[2]
+        self.topics[name] = Subscription(kind, topic)
+        return self.topics[name]
+
+    def _time_of(self, nanoseconds):
+        return self.clock.now + (nanoseconds - round(self.clock.now * 1e9)) * 1e-9
+
+    def say(self, topic, message, stamp=0.0, age=0.0):
+        """Put a message where the next cycle finds it; times relative to now, s."""
+        now = self.clock.now
+        if topic in self.topics:
+            self.topics[topic].waiting.append((message, {
+                'source_timestamp': round((now + stamp) * 1e9),
+                'received_timestamp': round((now - age) * 1e9)}))
+
+    def cycle(self):
+        self.clock.now += self.PERIOD
+        self.inputs.poll()
+        setpoint = self.axis.update(self.clock.now)
+        if setpoint is None:
+            self.last = None
+            return
+        assert all(map(math.isfinite, setpoint))
+        assert abs(setpoint.velocity) <= 0.2 * (1 + 1e-6)
+        if self.last is not None:
+            assert abs(setpoint.position - self.last) <= 0.2 * self.PERIOD * (1 + 1e-6) + 1e-9
+        self.last = setpoint.position
+
+
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+NEAR = st.floats(0.0, 0.1)
+TIMES = st.sampled_from([0.0, 0.0, -0.001, -0.05, -0.3, -3600.0, 0.5, 3600.0, 1e9])
+AGES = st.sampled_from([0.0, 0.0, 0.001, 0.1, 10.0])
+NAMES = st.sampled_from(['x', 'x', 'y', '', 'é' * 50])
+STAMPS = st.builds(Time, sec=st.sampled_from([0, 0, 999, 1000, -5, 2**31 - 1, -2**31]),
+                   nanosec=st.sampled_from([0, 1, 999_999_999, 2**32 - 1]))
+
+
+@st.composite
+def joint_states(draw):
+    message = JointState(name=draw(st.lists(NAMES, max_size=4)),
+                         position=draw(st.lists(ANY | NEAR, max_size=6)),
+                         velocity=draw(st.lists(ANY, max_size=2)))
+    message.header.stamp = draw(STAMPS)
+    return message
+
+
+EVENTS = st.one_of(
+    st.tuples(st.just('joint_states'), joint_states()),
+    st.tuples(st.sampled_from([i.value for i in Input if 'switch' in i]), st.booleans().map(
+        lambda level: Bool(data=level))),
+    st.tuples(st.sampled_from(['z_pulse', 'touch_probe']), (ANY | NEAR).map(
+        lambda value: Float64(data=value))),
+    st.tuples(st.just('emergency_stop'), st.sampled_from([False, False, False, True]).map(
+        lambda level: Bool(data=level))),
+    st.tuples(st.just(''), st.integers(1, 20)))
+
+
+@settings(max_examples=settings.default.max_examples * (
+    1 if settings.default.max_examples <= 200 else 10))
+@given(home_type=st.sampled_from(['HSHS', 'HSZPulse', 'TouchProbe', 'LS']),
+       events=st.lists(st.tuples(EVENTS, TIMES, AGES), max_size=25))
+def test_any_messages_in_any_order(home_type, events):
+    """No message makes a step, raises, or keeps the axis moving."""
+    cell = Cell(home_type)
+    feedback = itertools.count()
+    for (topic, message), stamp, age in events:
+        if topic:
+            cell.say(topic, message, stamp, age)
+            cell.cycle()
+            continue
+        for _ in range(message):
+            next(feedback)
+            position = 0.05 if cell.last is None else cell.last
+            cell.say('joint_states', JointState(name=['x'], position=[position]))
+            cell.cycle()
+    for _ in range(round(3.0 / cell.PERIOD)):
+        if not cell.axis.running:
+            break
+        cell.cycle()  # no feedback any more
+    assert not cell.axis.running
+    cell.cycle()
+    assert cell.last is None
+
+
+# -- two hosts ------------------------------------------------------------------------------------
+
+WHY_NOT = cable.missing()
+needs_two_hosts = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+
+
+class Hosts:
+    """The node and a client on one host, the plant on the other."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.cable = cable.Cable()
+        self.domain = ros.Domain()
+        self.processes = []
+        axes = {'x': {'homing_velocity_slow': 0.02, 'homing_reverse_distance': 0.02,
+                      'edge_tolerance': 0.002}}
+        self.start('homing_node', self.cable.near, ros.node_parameters(axes))
+        self.start('simulated_axes', self.cable.far, ros.plant_parameters({'x': DRIVE}))
+
+    def start(self, name, host, parameters):
+        file = self.folder / f'{name}.yaml'
+        file.write_text(yaml.dump({'/**': {'ros__parameters': parameters}},
+                                  Dumper=ros.PlainDumper))
+        code = f'import sys; from {ros.MAINS[name]} import main; sys.exit(main())'
+        self.processes.append(self.run(
+            host, name, '-c', code, '--ros-args', '--params-file', str(file)))
+
+    def run(self, host, name, *arguments):
+        return self.cable.run(host, arguments, self.folder / f'{name}.log',
+                              ROS_DOMAIN_ID=str(self.domain.number))
+
+    def home(self, moving=lambda: None):
+        """Home from a client on the node's host; return what it tells."""
+        log = self.folder / 'client.log'
+        process = self.run(self.cable.near, 'client', cable.__file__, 'x')
+        try:
+            ros.wait_for(lambda: 'moving' in log.read_text() or process.poll() is not None, 40.0)
+            moving()
+            process.wait(60.0)
+        finally:
+            process.kill()
+            process.wait()
+        lines = [line for line in log.read_text().splitlines() if line.startswith('{')]
+        assert lines, log.read_text()
+        return SimpleNamespace(**json.loads(lines[0]))
+
+    def close(self):
+        for process in self.processes:
+            process.send_signal(signal.SIGINT)
+        statuses = [process.wait(10.0) for process in self.processes]
+        self.cable.close()
+        self.domain.release()
+        assert statuses == [0, 0], [log.read_text() for log in self.folder.glob('*.log')]
+
+
+@pytest.fixture(scope='module')
+def hosts(tmp_path_factory):
+    made = Hosts(tmp_path_factory.mktemp('hosts'))
+    yield made
+    made.close()
+
+
+def assert_homed_right_or_stopped(ended):
+    """Check that it homed within its uncertainty, or ended with an error at rest."""
+    name, _, told = ended.message.partition(': ')
+    if name == 'Homed':
+        values = dict(part.split('=') for part in told.split() if '=' in part)
+        found, unsure = float(values['home_position_raw']), float(values['uncertainty'])
+        assert abs(found - ros.LAYOUT['home_switch'][0]) <= unsure + 1e-6
+    else:
+        assert name in ('FeedbackStale', 'SwitchStale', 'EdgeNotRepeated', 'FollowingError')
+    positions = [position for position, _ in ended.setpoints]
+    assert max(positions) < ros.LAYOUT['hard_stops'][1]
+    assert ended.setpoints[-1][1] == 0.0
+    return name
+
+
+@needs_two_hosts
+@pytest.mark.parametrize(('delay', 'jitter', 'loss'), [
+    (0.0, 0.0, 0.0), (0.005, 0.005, 0.0), (0.002, 0.002, 0.05)],
+    ids=['clean', 'late', 'lossy'])
+def test_two_hosts(hosts, delay, jitter, loss):
+    hosts.cable.delay, hosts.cable.jitter, hosts.cable.loss = delay, jitter, loss
+    name = assert_homed_right_or_stopped(hosts.home())
+    if not loss and not jitter:
+        assert name == 'Homed'
+
+
+@needs_two_hosts
+def test_the_cable_is_cut(hosts):
+    """The node stops with an error, the drive by itself; joined again, the axis homes."""
+    hosts.cable.delay = hosts.cable.jitter = hosts.cable.loss = 0.0
+
+    def cut():
+        hosts.cable.cut = True
+
+    ended = hosts.home(cut)
+    hosts.cable.cut = False
+    assert assert_homed_right_or_stopped(ended) == 'FeedbackStale'
+    again = hosts.home()
+    assert assert_homed_right_or_stopped(again) == 'Homed'
+    # Where it had stopped by itself; a following error would be the node's only word of it.
+    assert abs(again.feedback[0] - ended.feedback[-1]) < DRIVE_STOPS + 0.002
