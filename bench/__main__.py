@@ -1,0 +1,27 @@
+"""Runs the benchmarks: python bench [--quick] [--markdown] [name ...]."""
+
+import argparse
+import importlib
+
+import figures
+
+NAMES = ('core', 'simulated', 'homing_time', 'cycle', 'reaction', 'start')
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog='bench', description='Figures beside bare counterparts.')
+    parser.add_argument('names', nargs='*', metavar='name', choices=[*NAMES, 'accuracy', []],
+                        help=f'{", ".join(NAMES)} (these are run by default) or accuracy')
+    parser.add_argument('--quick', action='store_true', help='only show that it works')
+    parser.add_argument('--markdown', action='store_true', help='for doc/performance.md')
+    arguments = parser.parse_args()
+    print(figures.machine())
+    for name in arguments.names or NAMES:
+        module = importlib.import_module(name)
+        title = module.__doc__.splitlines()[0].rstrip('.')
+        found = list(module.figures(arguments.quick))
+        figures.show(title, found, arguments.markdown)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,93 @@
+"""Update of one axis in a search."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+from figures import Figure, alternately, seconds, within
+from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig
+
+from homing_node.axis import Axis
+from homing_node.parameters import axis_parameters
+from homing_node.states import Input
+
+PERIOD = 0.004
+#: An axis that searches for as long as a benchmark likes; its feedback may stand still.
+ENDLESS = {
+    'home_type': 'HSHS', 'travel': 1e6, 'homing_velocity_fast': 0.05, 'following_error': 1e6,
+    'timeout': 1e9, 'feedback_timeout': 1e9, 'max_jerk': 100.0,
+}
+
+
+def searching() -> Axis:
+    """Return an axis at the constant velocity of its search, 2.4 s after its start."""
+    axis = Axis('x', axis_parameters(ENDLESS), PERIOD)
+    for switch in Input.HOME_SWITCH, Input.POSITIVE_LIMIT_SWITCH, Input.NEGATIVE_LIMIT_SWITCH:
+        axis.switch(switch, 0.0, False)
+    axis.feedback(0.0, 0.0)
+    refusal = axis.home(0.0)
+    assert refusal is None, refusal
+    feed_and_update(axis, 600, start=1)
+    assert axis.running and axis.profile.velocity == ENDLESS['homing_velocity_fast']
+    return axis
+
+
+def feed_and_update(axis: Axis, cycles: int, start: int = 0) -> None:
+    """Run some cycles: a sample of feedback, where the last command was, and the update."""
+    feedback, update, position = axis.feedback, axis.update, 0.0
+    for cycle in range(start, start + cycles):
+        now = cycle * PERIOD
+        feedback(now, position)
+        setpoint = update(now)
+        if setpoint is not None:
+            position = setpoint.position
+
+
+def feed(axis: Axis, cycles: int, start: int = 0) -> None:
+    """Give samples of feedback only."""
+    feedback = axis.feedback
+    for cycle in range(start, start + cycles):
+        feedback(cycle * PERIOD, 0.0)
+
+
+def update(axis: Axis, cycles: int, start: int = 0) -> None:
+    """Update only; the feedback stands still."""
+    advance = axis.update
+    for cycle in range(start, start + cycles):
+        advance(cycle * PERIOD)
+
+
+def bare(cycles: int, read: bool = False) -> None:
+    """Run ruckig alone through the same search; ``read`` also reads what it found."""
+    otg, given, found = Ruckig(1, PERIOD), InputParameter(1), OutputParameter(1)
+    given.control_interface = ControlInterface.Velocity
+    given.target_velocity, given.max_acceleration, given.max_jerk = [0.05], [0.5], [100.0]
+    advance, take = otg.update, found.pass_to_input
+    if not read:
+        for _ in range(cycles):
+            advance(given, found)
+            take(given)
+        return
+    for _ in range(cycles):
+        advance(given, found)
+        take(given)
+        (found.new_position[0], found.new_velocity[0], found.new_acceleration[0])
+
+
+def figures(quick: bool = False) -> Iterator[Figure]:
+    """Yield the time of an update, in all and in its parts."""
+    cycles, repeats = (500, 3) if quick else (10_000, 15)
+
+    def per_cycle(work: Callable[[Axis, int, int], None]) -> float:
+        return seconds(partial(work, searching(), cycles, 600)) / cycles * 1e6
+
+    both, fed, updated, alone, reading = alternately(
+        repeats,
+        lambda: per_cycle(feed_and_update), lambda: per_cycle(feed), lambda: per_cycle(update),
+        lambda: seconds(lambda: bare(cycles)) / cycles * 1e6,
+        lambda: seconds(lambda: bare(cycles, read=True)) / cycles * 1e6)
+    yield within('a sample of feedback and Axis.update, against ruckig.update + pass_to_input',
+                 'µs', both, alone, 15)
+    yield within('Axis.update alone', 'µs', updated, alone, 15)
+    yield Figure('Axis.feedback alone', 'µs', fed, alone)
+    yield Figure('both, against ruckig with position, velocity and acceleration read', 'µs',
+                 both, reading)

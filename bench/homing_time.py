@@ -1,0 +1,121 @@
+"""How long homing takes, in simulated time.
+
+The switch is on from 100 to 110 mm, index pulses every 10 mm at 3.7 mm; fast 50, slow 5 mm/s,
+1 m/s^2, jerk 100 m/s^3. The counterpart is the sum of the time-optimal legs (ruckig), each from
+the state in which an event found the axis to that of the next event, or to rest at home.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+from figures import Figure
+from ruckig import InputParameter, Ruckig, Trajectory
+
+from homing_node.parameters import AxisParameters, axis_parameters
+from homing_node.rehearsal import Course, Rehearsal, Sample, Transport
+from homing_node.simulation import AxisLayout, SwitchLayout
+from homing_node.states import State
+
+FAST, SLOW, ACCELERATION, JERK = 0.05, 0.005, 1.0, 100.0
+LAYOUT = AxisLayout(
+    (-0.05, 0.205),
+    {'home_switch': SwitchLayout(0.1, 0.11), 'positive_limit_switch': SwitchLayout(0.195, 0.3),
+     'negative_limit_switch': SwitchLayout(-0.1, -0.04)},
+    index_pitch=0.01, index_offset=0.0037)
+
+
+class Scenario(NamedTuple):
+    """A home type and where the axis starts, m; what LinuxCNC 2.9 took, unlimited jerk, s."""
+
+    name: str
+    home_type: str
+    start: float
+    linuxcnc: float | None = None
+
+
+SCENARIOS = (
+    Scenario('A', 'HSHS', 0.0, 2.742),
+    Scenario('B', 'HSReverseZPulse', 0.0),
+    Scenario('B', 'HSZPulse', 0.0),
+    Scenario('C (on the switch)', 'HSHS', 0.105, 1.153),
+    Scenario('C (on the switch)', 'HS', 0.105),
+)
+RATES = {1000.0: 1000.0, 250.0: 500.0}  # of the cycle and of its feedback, Hz
+
+
+def parameters(home_type: str, **more: object) -> AxisParameters:
+    """Return the parameters of an axis that homes on this layout."""
+    accelerations = {
+        f'{pace}_{kind}': ACCELERATION for kind in ('acc', 'dec')
+        for pace in ('homing_velocity_fast', 'homing_velocity_slow', 'home_shift')}
+    wired = [*LAYOUT.switches, 'z_pulse']
+    return axis_parameters({
+        'home_type': home_type, 'travel': 0.2, 'homing_velocity_fast': FAST,
+        'homing_velocity_slow': SLOW, 'max_jerk': JERK, 'switches': wired,
+        **accelerations, **more})
+
+
+def home(scenario: Scenario, rate: float) -> tuple[Course, list[object]]:
+    """Run a scenario; return its course and the row of the table of each sample."""
+    rehearsal = Rehearsal(
+        parameters(scenario.home_type), LAYOUT,
+        Transport(update_rate=rate, feedback_rate=RATES[rate]), scenario.start)
+    rehearsal.cycle()
+    refusal = rehearsal.axis.home(rehearsal.time)
+    assert refusal is None, refusal
+    rows: list[object] = []
+    while (machine := rehearsal.axis.machine) is not None:
+        if rehearsal.cycle() is not None:
+            row = machine.step
+            rows.append(row.state if row.state is State.HomeShift else row)
+    assert rehearsal.axis.homed, rehearsal.axis.message
+    return rehearsal.course, rows
+
+
+def settled(samples: Sequence[Sample]) -> int:
+    """Return the number of samples until the command is at rest for good."""
+    last = max(i for i, sample in enumerate(samples) if sample.velocity != 0.0)
+    return min(last + 2, len(samples))
+
+
+def legs(samples: Sequence[Sample], rows: Sequence[object]) -> Iterator[tuple[Sample, Sample]]:
+    """Split a course at its events: yields the last samples before and in each row."""
+    ends = [i for i, (one, another) in enumerate(pairwise(rows)) if one != another]
+    return pairwise([samples[0], *(samples[i] for i in ends), samples[-1]])
+
+
+def optimum(samples: Sequence[Sample], rows: Sequence[object]) -> float:
+    """Return the time-optimal duration of a course through the same events, s."""
+    total = 0.0
+    for start, end in legs(samples, rows):
+        given, trajectory = InputParameter(1), Trajectory(1)
+        given.current_position, given.target_position = [start.position], [end.position]
+        given.current_velocity, given.target_velocity = [start.velocity], [end.velocity]
+        given.current_acceleration = [start.acceleration]
+        given.target_acceleration = [end.acceleration]
+        slow = 0.0 < abs(end.velocity) <= SLOW * (1 + 1e-9)
+        given.max_velocity = [(SLOW if slow else FAST) * (1 + 1e-9)]
+        given.max_acceleration, given.max_jerk = [ACCELERATION * (1 + 1e-9)], [JERK]
+        Ruckig(1).calculate(given, trajectory)
+        total += trajectory.duration
+    return total
+
+
+def figures(quick: bool = False) -> Iterator[Figure]:
+    """Yield the duration of each scenario; the runs are exact, one is enough."""
+    for scenario in SCENARIOS[:1] if quick else SCENARIOS:
+        for rate in RATES:
+            course, rows = home(scenario, rate)
+            count = settled(course.samples)
+            samples = course.samples[:count]
+            moving = samples[-1].time - samples[0].time
+            best = optimum(samples, rows[:count])
+            name = f'{scenario.name}: {scenario.home_type}, {rate:g} Hz'
+            yield Figure(f'{name}, until the command rests, against its optimal legs', 's',
+                         [moving], [best], '≤ 1.01 ×', moving <= 1.01 * best)
+            whole = course.duration
+            goal = ('A ≤ 2.58', whole <= 2.58) if scenario.name == 'A' else ('', None)
+            bare = [scenario.linuxcnc] if scenario.linuxcnc else []
+            yield Figure(f'{name}, until homed' + (', against LinuxCNC' if bare else ''), 's',
+                         [whole], bare, *goal)

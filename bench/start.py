@@ -1,0 +1,54 @@
+"""Start of the node: from its process's start to its first answer.
+
+The counterpart is an rclpy node with one service.
+"""
+
+import time
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+from figures import Figure, alternately, within
+from graph import World
+
+#: A request that was made before the answer's way back was found is repeated after this, s.
+REPEAT = 0.1
+
+
+def first_answer(world: World) -> float:
+    """Ask the same service until the first answer has come; return how long that took, s."""
+    begin = time.perf_counter()
+    answer: Any = None
+    asked = 0.0
+
+    def answered() -> bool:
+        nonlocal answer, asked
+        if time.perf_counter() - asked > REPEAT:
+            answer, asked = world.call('a0/cancel'), time.perf_counter()
+        return bool(answer.done())
+
+    world.until(answered, 'an answer')
+    return time.perf_counter() - begin
+
+
+def start(axes: int, bare: bool) -> float:
+    """Start a process and return when it gave its first answer, s."""
+    world = World(axes, 0.0)
+    try:
+        running = world.running('bare_service.py') if bare else world.homing_node(250.0)
+        begin = time.perf_counter()
+        with running:
+            first_answer(world)
+            return time.perf_counter() - begin
+    finally:
+        world.close()
+
+
+def figures(quick: bool = False) -> Iterator[Figure]:
+    """Yield the start of a node with three axes, and with many."""
+    repeats = 1 if quick else 10
+    three, many, bare = alternately(
+        repeats, partial(start, 3, False), partial(start, 32, False), partial(start, 1, True),
+        warm_up=not quick)
+    yield within('3 axes', 's', three, bare, 1.5)
+    yield Figure('32 axes', 's', many, bare)
