@@ -84,6 +84,7 @@ class Axis:
         self._track = Track()
         self._commands = Track()
         self._switches: dict[Input, Switch] = {}
+        self._unsettled = False  # whether a switch may wait for its debounce
         self._waiting: list[Edge] = []  # edges that the machine has not taken yet
         self._unresolved: list[Edge] = []  # taken, but their position is still extrapolated
         self._rest: tuple[float, float] | None = None  # last command and the feedback there, raw
@@ -99,6 +100,7 @@ class Axis:
         if parameters.home_type is not self.parameters.home_type:
             self.history.forget_homes()
         self.parameters = parameters
+        self._track.corners = parameters.immediate_stop_at_ls
         sign = parameters.home_direction.sign
         if sign != self._sign:
             self._track.mirror()
@@ -147,6 +149,7 @@ class Axis:
         edge = known.set(
             time - p.switch_latency, signal, time if arrival is None else arrival,
             p.switch_stamp_error if sure else FALLBACK_DOUBT)
+        self._unsettled = self._unsettled or known.unsettled
         if edge is not None:
             self._take(edge)
 
@@ -228,7 +231,7 @@ class Axis:
         self.outcome = Outcome(Error.NoError)
         self._waiting.clear()
         self._unresolved.clear()
-        self._commands = Track()
+        self._commands = Track(p.immediate_stop_at_ls)
         self._moved = False
         self._settling_since = None
         self._bounces = {name: switch.bounces for name, switch in self._switches.items()}
@@ -274,11 +277,8 @@ class Axis:
 
     def update(self, now: float) -> Setpoint | None:
         """Advance by one period; return the setpoint while a run is on and the axis moves."""
-        for switch in self._switches.values():
-            if switch.unsettled:
-                edge = switch.poll(now)
-                if edge is not None:
-                    self._take(edge)
+        if self._unsettled:
+            self._settle_switches(now)
         machine = self.machine
         if machine is None:
             if self.homed and self.parameters.clear_home_done_on_comm_stop:
@@ -345,6 +345,15 @@ class Axis:
     @property
     def _edge_track(self) -> Track:
         return self._commands if self.parameters.open_loop_homing else self._track
+
+    def _settle_switches(self, now: float) -> None:
+        """Take the edges that their debounce confirms by now."""
+        for switch in self._switches.values():
+            if switch.unsettled:
+                edge = switch.poll(now)
+                if edge is not None:
+                    self._take(edge)
+        self._unsettled = any(switch.unsettled for switch in self._switches.values())
 
     def _take(self, edge: Edge) -> None:
         """Queue an edge by its time, a limit before another switch; act on a limit at once."""

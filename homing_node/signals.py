@@ -29,12 +29,14 @@ Sample = tuple[float, float]
 class Track:
     """A recorded position over time, at most TRACK_LENGTH samples.
 
-    ``doubted`` is the time of the newest sample whose time is not its own stamp.
+    ``doubted`` is the time of the newest sample whose time is not its own stamp; ``corners`` tells
+    that the velocity may jump.
     """
 
-    __slots__ = ('samples', 'time', 'position', 'doubted')
+    __slots__ = ('samples', 'time', 'position', 'doubted', 'corners')
 
-    def __init__(self) -> None:
+    def __init__(self, corners: bool = False) -> None:
+        self.corners = corners
         self.samples: deque[Sample] = deque(maxlen=TRACK_LENGTH)
         self.time = self.doubted = -1e300
         self.position = 0.0
@@ -108,7 +110,8 @@ class Track:
     def bend(self, time: float) -> float:
         """Return how far the track may leave the straight line between two samples around a time.
 
-        An eighth of the largest second difference of the samples around it, two on each side.
+        An eighth of the largest second difference of the samples around it, two on each side; half
+        of it where the track may have a corner.
         """
         newer: deque[float] = deque(maxlen=2)
         older: list[float] = []
@@ -120,8 +123,9 @@ class Track:
             else:
                 break
         near = [*newer, *older]
-        return max((abs(a - 2.0 * b + c) for a, b, c in zip(near, near[1:], near[2:],
-                                                           strict=False)), default=0.0) / 8.0
+        bend = max((abs(a - 2.0 * b + c) for a, b, c in zip(near, near[1:], near[2:],
+                                                           strict=False)), default=0.0)
+        return bend / 2.0 if self.corners else bend / 8.0
 
     def grain(self, time: float) -> float:
         """Return the count of a coarse encoder, as far as it shows before a time, else 0.

@@ -60,6 +60,16 @@ def test_uncertainty_covers_the_error_and_is_not_idle():
     assert statistics.median(u / e for e, u in runs if e) <= 5.0
 
 
+@pytest.mark.parametrize('phase', range(12))
+def test_a_command_that_freezes_at_the_edge_is_part_of_the_uncertainty(phase):
+    """The feedback has a corner between two samples, where a straight line is off by most."""
+    one = rig('LS', immediate_stop_at_ls=True, homing_velocity_fast=0.125).built(lag=0.0).but(
+        transport=Transport(update_rate=125.0, feedback_rate=50.0))
+    course = one.home(start=0.055 + phase * 2.5e-3 / 12)
+    error = abs(home_of(course) - TRUE_HOME['LS'])
+    assert error <= course.outcome.uncertainty <= 2.5e-3
+
+
 def test_a_coarse_encoder_is_part_of_the_uncertainty():
     count = 2e-4
     made = rig('HS').rehearsal()
