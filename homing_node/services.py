@@ -73,6 +73,7 @@ class Services:
         def serve(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
             with self._lock:
                 axis.set_servo(bool(request.data))
+                self._reports.note(axis)  # off and on again within one cycle are two messages
             response.success = True
             response.message = f'servo_on of axis {axis.name}: {str(axis.servo_on).lower()}'
             return response

@@ -256,6 +256,11 @@ class SimulatedAxis:
         """Whether the drive has stopped, or is stopping, because no setpoint came."""
         return self._silence > self._timeout > 0.0
 
+    @property
+    def enabled(self) -> bool:
+        """Whether the drive heeds setpoints, as it reports it."""
+        return self._servo and not self.timed_out
+
     def move_switch(self, name: str, by: float) -> None:
         """Move a switch's flag by a distance, as if it slipped; no edge comes of it."""
         for switch in self._switches:

@@ -47,6 +47,8 @@ CLEAR = 0.001
 HELD_UP = 0.001
 STALL = 0.05
 
+SERVO = Input.SERVO_ENABLED.value
+
 RELIABLE = QoSProfile(depth=100)
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -156,8 +158,14 @@ class Output:
 
     axis: str
     publisher: Any
-    level: Bool | None = None  # a switch's last published level
+    level: Bool | None = None  # the last published one; a latch has none
     readers: int = 0
+
+    def tell(self, level: bool) -> None:
+        """Publish a level if it has changed."""
+        if self.level.data != level:
+            self.level = Bool(data=level)
+            self.publisher.publish(self.level)
 
     def greet(self) -> None:
         """Tell the level to readers that came since the last call and do not ask for history."""
@@ -212,7 +220,8 @@ class SimulatedAxes:
 
     def _connect(self, node: Node, prefix: str, name: str, layout: AxisLayout) -> None:
         """Create an axis's publishers and subscription, and publish the first levels."""
-        for key, level in self._axes[name].levels().items():
+        axis = self._axes[name]
+        for key, level in {**axis.levels(), SERVO: axis.enabled}.items():
             publisher = node.create_publisher(Bool, f'{prefix}/{key}', LATCHED)
             output = Output(name, publisher, Bool(data=level))
             publisher.publish(output.level)
@@ -225,9 +234,8 @@ class SimulatedAxes:
             if fitted:
                 publisher = node.create_publisher(Float64, f'{prefix}/{key}', RELIABLE)
                 self._outputs[name, key] = Output(name, publisher)
-        servo = self._axes[name].servo
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._subscribe(node, Bool, f'{prefix}/servo_on', qos, lambda m: servo(m.data))
+        self._subscribe(node, Bool, f'{prefix}/servo_on', qos, lambda m: axis.servo(m.data))
 
     def _subscribe(
         self, node: Node, kind: Any, topic: str, qos: QoSProfile, take: Callable[[Any], None]
@@ -312,6 +320,7 @@ class SimulatedAxes:
                 output = self._outputs[name, happening.input]
                 changes.append(Change(happening.time, output, message, happening))
             self._front = axis.time
+            self._outputs[name, SERVO].tell(axis.enabled)
         if changes:
             self._changes.extend(sorted(changes, key=attrgetter('time')))
         while (sampled := self._count / self._feedback_rate) <= self._front:

@@ -24,6 +24,10 @@ from pathlib import Path
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
 
 
+#: How a request is refused that comes before the plant is heard, or its drive is on again.
+UNREADY = ('SwitchUnknown', 'FeedbackStale', 'ServoOff')
+
+
 def missing():
     """Return why there can be no cable here, '' where there can."""
     if os.geteuid() != 0:
@@ -157,7 +161,7 @@ def home(axis):
             print('moving', flush=True)
         if future is not None and future.done():
             answer = future.result()
-            if not answer.message.startswith(('SwitchUnknown', 'FeedbackStale')) or setpoints:
+            if setpoints or not answer.message.startswith(UNREADY):
                 break
             future = None
     rest = time.monotonic() + 0.2

@@ -7,7 +7,7 @@ import ros_harness as ros
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameterTypes, ListParameters
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 #: An axis that searches for 16 s unless it is stopped.
@@ -187,6 +187,18 @@ def test_servo(client, setpoints):
     client.start('long')
     client.trigger('long/cancel')
     ros.assert_stopped(client, setpoints, 'long', 0.5)
+
+
+def test_servo_off_and_on_within_a_cycle(client):
+    """The drive hears of it all the same: one that stopped by itself waits for it."""
+    wanted = client.record(Bool, 'long/servo_on', ros.LATCHED)
+    client.until(lambda: wanted)
+    for _ in range(5):
+        before = len(wanted)
+        answers = [client.send(SetBool, 'long/servo', data=on) for on in (False, True)]
+        for answer in answers:
+            client.answer(answer)
+        client.until(lambda n=before: len(wanted) > n and wanted[-1].message.data is True)
 
 
 @pytest.fixture
