@@ -1,6 +1,6 @@
 """Update of one axis in a search."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from figures import Figure, alternately, seconds, within
@@ -18,16 +18,20 @@ ENDLESS = {
 }
 
 
-def searching() -> Axis:
-    """Return an axis at the constant velocity of its search, 2.4 s after its start."""
-    axis = Axis('x', axis_parameters(ENDLESS), PERIOD)
+#: The same, but it never stops accelerating.
+ACCELERATING = {**ENDLESS, 'homing_velocity_fast_acc': 1e-4, 'homing_velocity_fast_dec': 0.5}
+
+
+def searching(how: Mapping[str, object] = ENDLESS) -> Axis:
+    """Return an axis in its search, 2.4 s after its start."""
+    axis = Axis('x', axis_parameters(how), PERIOD)
     for switch in Input.HOME_SWITCH, Input.POSITIVE_LIMIT_SWITCH, Input.NEGATIVE_LIMIT_SWITCH:
         axis.switch(switch, 0.0, False)
     axis.feedback(0.0, 0.0)
     refusal = axis.home(0.0)
     assert refusal is None, refusal
     feed_and_update(axis, 600, start=1)
-    assert axis.running and axis.profile.velocity == ENDLESS['homing_velocity_fast']
+    assert axis.running and axis.profile.done == (how is ENDLESS)
     return axis
 
 
@@ -77,16 +81,20 @@ def figures(quick: bool = False) -> Iterator[Figure]:
     """Yield the time of an update, in all and in its parts."""
     cycles, repeats = (500, 3) if quick else (10_000, 15)
 
-    def per_cycle(work: Callable[[Axis, int, int], None]) -> float:
-        return seconds(partial(work, searching(), cycles, 600)) / cycles * 1e6
+    def per_cycle(
+        work: Callable[[Axis, int, int], None], how: Mapping[str, object] = ENDLESS
+    ) -> float:
+        return seconds(partial(work, searching(how), cycles, 600)) / cycles * 1e6
 
-    both, fed, updated, alone, reading = alternately(
+    both, ramp, fed, updated, alone, reading = alternately(
         repeats,
-        lambda: per_cycle(feed_and_update), lambda: per_cycle(feed), lambda: per_cycle(update),
+        lambda: per_cycle(feed_and_update), lambda: per_cycle(feed_and_update, ACCELERATING),
+        lambda: per_cycle(feed), lambda: per_cycle(update),
         lambda: seconds(lambda: bare(cycles)) / cycles * 1e6,
         lambda: seconds(lambda: bare(cycles, read=True)) / cycles * 1e6)
     yield within('a sample of feedback and Axis.update, against ruckig.update + pass_to_input',
                  'µs', both, alone, 15)
+    yield within('the same while the axis accelerates', 'µs', ramp, alone, 15)
     yield within('Axis.update alone', 'µs', updated, alone, 15)
     yield Figure('Axis.feedback alone', 'µs', fed, alone)
     yield Figure('both, against ruckig with position, velocity and acceleration read', 'µs',

@@ -67,15 +67,20 @@ def positions(message: JointState) -> Iterable[tuple[str, float]]:
             yield name, position
 
 
-def trajectory(setpoints: Mapping[str, Setpoint], period: float) -> JointTrajectory:
-    """Make one message of the setpoints of a cycle, by joint; stamp 0 means now."""
+def trajectory(period: float) -> JointTrajectory:
+    """Make a message for the setpoints of a cycle, due a period from now: stamp 0 means now."""
     nanoseconds = round(period * NS)
-    point = JointTrajectoryPoint(
-        positions=[s.position for s in setpoints.values()],
-        velocities=[s.velocity for s in setpoints.values()],
-        accelerations=[s.acceleration for s in setpoints.values()],
-        time_from_start=Duration(sec=nanoseconds // NS, nanosec=nanoseconds % NS))
-    return JointTrajectory(joint_names=list(setpoints), points=[point])
+    return JointTrajectory(points=[JointTrajectoryPoint(
+        time_from_start=Duration(sec=nanoseconds // NS, nanosec=nanoseconds % NS))])
+
+
+def fill(message: JointTrajectory, joints: list[str], setpoints: Sequence[Setpoint]) -> None:
+    """Give such a message the setpoints of some joints."""
+    point = message.points[0]
+    message.joint_names = joints
+    point.positions = [s.position for s in setpoints]
+    point.velocities = [s.velocity for s in setpoints]
+    point.accelerations = [s.acceleration for s in setpoints]
 
 
 def position_commands(commands: Iterable[float]) -> Float64MultiArray:

@@ -78,13 +78,11 @@ class Latches:
     ) -> tuple[Event, Mark] | Fault | None:
         """Return the latch that a row waits for: of those beyond an origin, the n-th.
 
-        ``events`` are the row's. A latch ahead of the feedback has to wait: it may be nonsense. A
-        Fault where Z-pulses are too far apart or do not come.
+        ``events`` are the row's latches. One ahead of the feedback has to wait: it may be
+        nonsense. A Fault where Z-pulses are too far apart or do not come.
         """
         p = self._parameters
         for event in events:
-            if event not in self._positions:
-                continue
             z_pulse = event is Event.Z_PULSE
             count = max(1, p.multiple_z_pulse) if z_pulse else 1
             delay = p.z_pulse_arm_delay if z_pulse else 0.0

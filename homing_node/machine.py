@@ -239,7 +239,9 @@ class Machine:
         """Return the event that the present motion itself has brought about, if any."""
         kind = self.row.motion.kind
         if kind is Kind.SEARCH:
-            return self._end_detected() if Event.END_DETECTED in self.row.on else self._latched()
+            if self.row.latches:
+                return self._latched()
+            return self._end_detected() if Event.END_DETECTED in self.row.on else None
         if kind is Kind.FURTHER:
             done = self._went_further()
         else:
@@ -346,7 +348,7 @@ class Machine:
             return None
         origin = self._cause.position if isinstance(self._cause, Edge) else self._leg.feedback
         way = self.row.motion.way
-        found = self._latches.found(self.row.on, origin, way, self.feedback)
+        found = self._latches.found(self.row.latches, origin, way, self.feedback)
         if isinstance(found, Fault):
             self._fail(found)
             return None

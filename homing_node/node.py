@@ -5,6 +5,7 @@ grid. The *executor* (the main thread) answers services and parameters. The *rep
 others watch. ``_lock`` guards the axes; nothing is published or waited for while it is held.
 """
 
+import gc
 import os
 import signal
 import sys
@@ -52,7 +53,7 @@ from .reports import Publishers, Reports
 from .services import Services
 from .spec import InvalidParameters
 from .states import Error, Input
-from .timebase import TimeBase
+from .timebase import TimeBase, wake_precisely
 
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 OVERRIDABLE = QoSOverridingOptions([
@@ -63,6 +64,9 @@ OVERRIDABLE = QoSOverridingOptions([
 FIXED = ('axes', 'update_rate', 'setpoint_interface', 'joint')
 #: How often the publishers of the inputs are counted, s.
 WATCH_PERIOD = 0.1
+#: A cycle begins earlier than its setpoints are due by the longest work of late, which is
+#: forgotten by this factor a cycle, but by no more than this part of the period.
+LEAD_DECAY, MOST_LEAD = 0.99, 0.5
 #: How long the last answers may take to leave after the axes have stopped, s.
 FAREWELL = 1.0
 
@@ -107,8 +111,10 @@ class HomingNode(Node):
         self._axes = {name: Axis(name, parameters, self._period)
                       for name, parameters in checked.axes.items()}
         self._faults: dict[str, tuple[str, ...]] = {}  # of parameters set since the start
+        self._setpoints = convert.trajectory(self._period)  # the same message every cycle
         self._commands: dict[str, float] = {}  # of all axes while requests are active
         self._watched = 0.0
+        self._lead = 0.0  # s
         self._stop_requested = False
         self.finished = threading.Event()
         self.broken = False
@@ -283,6 +289,8 @@ class HomingNode(Node):
 
     def start(self) -> None:
         """Start the threads; the caller spins the executor."""
+        gc.collect()
+        gc.freeze()  # what is there now stays: a full collection need not look at it (15 ms)
         ended = self.finished.is_set
         loops = {'cycle': self._cycle_loop, 'reports': self._reports.run}
         self._threads = [
@@ -299,6 +307,7 @@ class HomingNode(Node):
         """Wait for the threads."""
         for thread in self._threads:
             thread.join()
+        gc.unfreeze()
 
     def _guarded(
         self, name: str, loop: Callable[[Callable[[], bool]], None], ended: Callable[[], bool]
@@ -315,6 +324,7 @@ class HomingNode(Node):
 
     def _cycle_loop(self, ended: Callable[[], bool]) -> None:
         clock = self._timebase
+        wake_precisely()
 
         def hopeless() -> bool:
             return ended() or (self._stop_requested and clock.stands)
@@ -322,20 +332,21 @@ class HomingNode(Node):
         due = clock.read()
         while not ended():
             due += self._period
-            clock.sleep_until(due, hopeless)
+            begin = due - self._lead
+            clock.sleep_until(begin, hopeless)
             if hopeless():
                 self._abandon()
                 return
-            late = clock.read() - due
+            late = clock.read() - begin
             if late > self._cycle_timeout or late < -self._period:
                 self._stop_all(Error.CycleLate, f'a control cycle was {late:.3f} s late, more '
                                                 f'than {self._cycle_timeout:g} s (cycle_timeout)')
             if late >= self._period or late < -self._period:
-                due = clock.now  # what was missed is not made up for
-            self._cycle(clock.now)
+                due = clock.now + self._lead  # what was missed is not made up for
+            self._cycle(clock.now, due)
 
-    def _cycle(self, now: float) -> None:
-        """Poll the inputs, update the axes, publish the setpoints, answer what has ended."""
+    def _cycle(self, now: float, due: float) -> None:
+        """Poll the inputs, update the axes, publish the setpoints when due, answer what ended."""
         setpoints = {}
         with self._lock:
             self._inputs.poll()
@@ -353,6 +364,10 @@ class HomingNode(Node):
             idle = self._dispatch.idle
             finished = idle and self._dispatch.closed
         if setpoints:
+            if not self._timebase.simulated:
+                worked = time.monotonic() - now
+                self._lead = min(max(worked, LEAD_DECAY * self._lead), MOST_LEAD * self._period)
+                self._timebase.sleep_until(due, self.finished.is_set)
             self._publish(setpoints)
         if idle:
             self._commands.clear()
@@ -363,8 +378,9 @@ class HomingNode(Node):
 
     def _publish(self, setpoints: Mapping[str, Setpoint]) -> None:
         if self._by_trajectory:
-            by_joint = {self._joints[name]: setpoint for name, setpoint in setpoints.items()}
-            self._trajectory.publish(convert.trajectory(by_joint, self._period))
+            joints = [self._joints[name] for name in setpoints]
+            convert.fill(self._setpoints, joints, list(setpoints.values()))
+            self._trajectory.publish(self._setpoints)
             return
         for name, axis in self._axes.items():
             if name in setpoints:

@@ -18,6 +18,7 @@ Switch Initially Triggered" and the pages of the home types.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -33,7 +34,7 @@ from .motions import (
     Bound,
     Motion,
 )
-from .states import HomeType, Input, Role, State, Tier
+from .states import LATCHES, HomeType, Input, Role, State, Tier
 
 
 class Step(NamedTuple):
@@ -53,6 +54,11 @@ class Row:
     motion: Motion
     on: Mapping[Event, Step]
     bound: Bound = Bound.SEARCH
+
+    @cached_property
+    def latches(self) -> tuple[Event, ...]:
+        """Those of its events that are latched positions."""
+        return tuple(event for event in self.on if INPUT_OF.get(event) in LATCHES)
 
 
 @dataclass(frozen=True)

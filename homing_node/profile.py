@@ -111,6 +111,7 @@ class Profile:
         forward = target >= self.position
         inp = self._in
         inp.control_interface = ControlInterface.Position
+        inp.current_position = [self.position]
         inp.max_jerk = [self._max_jerk]
         inp.target_position = [target]
         inp.target_velocity = [0.0]
@@ -142,7 +143,8 @@ class Profile:
 
         Raises ArithmeticError where the limits allow no trajectory; the command then stays.
         """
-        if self.done and self.velocity == 0.0 and self.acceleration == 0.0:
+        if self.done:  # at rest, or at the velocity that was wanted
+            self.position += self.velocity * self.period
             return
         inp, out = self._in, self._out
         for _ in range(ATTEMPTS):
@@ -155,17 +157,21 @@ class Profile:
         else:
             raise ArithmeticError(f'no trajectory: {fault}')
         out.pass_to_input(inp)
-        self.position = out.new_position[0]
-        self.velocity = out.new_velocity[0]
-        self.acceleration = out.new_acceleration[0]
-        if result == Result.Finished:
-            self.done, then = True, self._next
-            if inp.control_interface is ControlInterface.Position:
-                self.reset(inp.target_position[0])
-            elif inp.target_velocity[0] == 0.0:
-                self.reset(self.position)
-            if then:
-                self.seek(*then)
+        self.position, = out.new_position
+        self.velocity, = out.new_velocity
+        self.acceleration, = out.new_acceleration
+        if result is Result.Finished:
+            self._arrive()
+
+    def _arrive(self) -> None:
+        """Leave ruckig's rounding behind; go on with what comes next."""
+        self.done, then = True, self._next
+        if self._in.control_interface is ControlInterface.Position:
+            self.reset(self._in.target_position[0])
+        elif self._in.target_velocity[0] == 0.0:
+            self.reset(self.position)
+        if then:
+            self.seek(*then)
 
     def _to_velocity(self, velocity: float, acceleration: float, deceleration: float) -> None:
         """Aim at a velocity; ``acceleration`` is used where the speed grows."""
@@ -174,6 +180,7 @@ class Profile:
         forward = velocity > 0.0 or (velocity == 0.0 and self.velocity < 0.0)
         inp = self._in
         inp.control_interface = ControlInterface.Velocity
+        inp.current_position = [self.position]
         inp.max_jerk = [self._max_jerk]
         inp.target_velocity = [velocity]
         inp.max_acceleration = [acceleration if forward else deceleration]

@@ -42,10 +42,14 @@ class Leg:
     """One stretch of travel in one way, measured from its turning point.
 
     ``before`` is the way of the travel that led to it (NONE: it began at rest), ``since`` when it
-    was commanded; ``feedback`` and ``command`` are the turning point's.
+    was commanded; ``feedback`` and ``command`` are the turning point's. ``gone`` is how far the
+    command has gone from there, ``traveled`` how far the feedback has, ``against`` how far it went
+    the other way: an axis that follows late overruns as far as its command did, which does not
+    count.
     """
 
-    __slots__ = ('way', 'before', 'since', 'feedback', 'command', '_feedback_at_turn')
+    __slots__ = ('way', 'before', 'since', 'feedback', 'command', 'gone', 'traveled', 'against',
+                 '_feedback_at_turn')
 
     def __init__(
         self, way: Way, feedback: float, command: float, since: float, before: Way = Way.NONE
@@ -53,15 +57,20 @@ class Leg:
         self.way, self.before, self.since = way, before, since
         self.feedback = self._feedback_at_turn = feedback
         self.command = command
+        self.gone = self.traveled = self.against = 0.0
 
     def update(self, feedback: float, command: float) -> bool:
         """Move the turning point; return whether the command still overruns."""
         way = self.way
-        overruns = (command - self.command) * way < 0.0
+        self.gone = (command - self.command) * way
+        overruns = self.gone < 0.0
         if overruns:
-            self.command, self._feedback_at_turn = command, feedback
-        if (feedback - self.feedback) * way < 0.0:
-            self.feedback = feedback
+            self.command, self._feedback_at_turn, self.gone = command, feedback, 0.0
+        self.traveled = (feedback - self.feedback) * way
+        if self.traveled < 0.0:
+            self.feedback, self.traveled = feedback, 0.0
+        self.against = min((self._feedback_at_turn - feedback) * way,
+                           (self.command - feedback) * way)
         return overruns
 
     def way_at(self, time: float, track: Track) -> int | None:
@@ -72,22 +81,6 @@ class Leg:
         if self.before is Way.NONE:
             return self.way if time >= self.since else Way.NONE
         return track.traveled(time, self.since, self.way)
-
-    def gone(self, command: float) -> float:
-        """Return how far the command has gone from its turning point."""
-        return (command - self.command) * self.way
-
-    def traveled(self, feedback: float) -> float:
-        """Return how far the feedback has gone from its turning point."""
-        return (feedback - self.feedback) * self.way
-
-    def against(self, feedback: float) -> float:
-        """Return how far the feedback has gone the other way.
-
-        An axis that follows late overruns as far as its command did; that is not counted.
-        """
-        start = min(self._feedback_at_turn * self.way, self.command * self.way)
-        return start - feedback * self.way
 
 
 class Rules:
@@ -123,8 +116,8 @@ class Rules:
 
     def broken(self, leg: Leg, command: float, feedback: float, now: float) -> Fault | None:
         """Return the rule that the motion breaks, None while it keeps them all."""
-        gone = leg.gone(command)
-        if gone > self.distance or leg.traveled(feedback) > self.distance:
+        gone, distance = leg.gone, self.distance
+        if gone > distance or leg.traveled > distance:
             return Fault(
                 self._bound.error,
                 f'{self._missed} within {self.distance:.6g} m ({self._name})', HINTS[self._bound])
@@ -134,7 +127,7 @@ class Rules:
                 f'command - feedback is {command - feedback:.6g} m, more than '
                 f'{self._following:.6g} m (following_error)',
                 'does the axis follow the setpoints, and does its feedback arrive?')
-        against, limit = leg.against(feedback), self._wrong_direction
+        against, limit = leg.against, self._wrong_direction
         if gone >= limit and against > 0.5 * limit:
             return Fault(
                 Error.WrongDirection,

@@ -65,8 +65,9 @@ def test_positions():
 
 
 def test_trajectory():
-    message = convert.trajectory(
-        {'a': Setpoint(1.0, 2.0, 3.0), 'b': Setpoint(-1.0, 0.0, 0.0)}, 1 / 300)
+    message = convert.trajectory(1 / 300)
+    convert.fill(message, ['c'], [Setpoint(9.0, 9.0, 9.0)])
+    convert.fill(message, ['a', 'b'], [Setpoint(1.0, 2.0, 3.0), Setpoint(-1.0, 0.0, 0.0)])
     assert message.joint_names == ['a', 'b']
     (point,) = message.points
     assert list(point.positions) == [1.0, -1.0]
@@ -74,7 +75,7 @@ def test_trajectory():
     assert list(point.accelerations) == [3.0, 0.0]
     assert (point.time_from_start.sec, point.time_from_start.nanosec) == (0, 3_333_333)
     assert message.header.stamp == Time()
-    assert convert.trajectory({}, 1.0).points[0].time_from_start.sec == 1
+    assert convert.trajectory(1.0).points[0].time_from_start.sec == 1
 
 
 def test_numbers_are_cast():
