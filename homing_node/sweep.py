@@ -6,8 +6,8 @@ from math import isfinite
 from time import perf_counter
 from typing import NamedTuple
 
-from .finding import Timing
-from .geometry import Geometry, true_home
+from .check.finding import Timing
+from .check.geometry import Geometry, true_home
 from .parameters import AxisParameters
 from .rehearsal import PLANT_STEP, Course, Rehearsal, Transport
 from .simulation import AxisLayout

@@ -9,16 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from homing_node.check import Severity, Timing, check, check_axis, errors
-from homing_node.check_ends import Ends
+from homing_node.check.ends import Ends
+from homing_node.check.finding import down, up
+from homing_node.check.geometry import Geometry, true_home
+from homing_node.check.stopping import stopping_distance
 from homing_node.configuration import configuration
 from homing_node.examples import EXAMPLES
-from homing_node.finding import down, up
-from homing_node.geometry import Geometry, true_home
 from homing_node.motions import Way
 from homing_node.parameters import SPECS, axis_parameters
 from homing_node.simulation import AxisLayout, SwitchLayout, mirrored
 from homing_node.states import HomeType, Input
-from homing_node.stopping import stopping_distance
 from homing_node.sweep import rehearse_from, transport_of
 
 ERROR, WARNING, INFO = Severity.error, Severity.warning, Severity.info

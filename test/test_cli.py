@@ -13,9 +13,9 @@ import pytest
 import yaml
 
 from homing_node import record
+from homing_node.check.finding import Timing
 from homing_node.cli import main
 from homing_node.examples import EXAMPLES
-from homing_node.finding import Timing
 from homing_node.parameters import SPECS
 from homing_node.states import HomeType
 from homing_node.sweep import rehearse_from, transport_of

@@ -4,8 +4,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from homing_node.check.stopping import (
+    fastest,
+    reaction_distance,
+    stopping_distance,
+    turning_distance,
+)
 from homing_node.profile import Pace, Profile
-from homing_node.stopping import fastest, reaction_distance, stopping_distance, turning_distance
 
 PERIOD = 0.001
 VELOCITY = st.floats(0.002, 0.5)

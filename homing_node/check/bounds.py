@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from .events import Event
+from ..events import Event
+from ..motions import Bound, Pace, Way
+from ..procedures import Row
+from ..states import LATCHES, HomeType, IndexMarginAction, Input, Role
 from .finding import Finding, Severity, up
 from .geometry import arming_edge
-from .motions import Bound, Pace, Way
 from .placed import SIDES, Placed
-from .procedures import Row
-from .states import LATCHES, HomeType, IndexMarginAction, Input, Role
 from .stopping import turning_distance
 
 MARGINS = {

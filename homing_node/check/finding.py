@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from math import ceil, floor, isfinite, log10
 
-from .parameters import AxisParameters
-from .states import Word
+from ..parameters import AxisParameters
+from ..states import Word
 
 
 class Severity(Word):

@@ -8,15 +8,15 @@ from functools import partial
 from math import inf
 from typing import NamedTuple
 
-from .events import Event
+from ..events import Event
+from ..limits import Limit, limits_of
+from ..motions import Kind, Way
+from ..parameters import AxisParameters
+from ..procedures import Row, Step
+from ..simulation import AxisLayout
+from ..states import Input, Role, Tier
 from .finding import Finding, Severity, Timing
 from .geometry import Geometry
-from .limits import Limit, limits_of
-from .motions import Kind, Way
-from .parameters import AxisParameters
-from .procedures import Row, Step
-from .simulation import AxisLayout
-from .states import Input, Role, Tier
 from .stopping import fastest, reaction_distance, stopping_distance, turning_distance
 
 Distance = Callable[[float], float]

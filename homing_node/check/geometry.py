@@ -7,12 +7,12 @@ the larger number at both ends of the axis. Units: m or rad.
 from math import ceil, floor, inf, isfinite, isnan
 from typing import NamedTuple
 
-from .events import Event
-from .motions import Way
-from .parameters import AxisParameters
-from .procedures import HOME_SHIFT, Row, Step
-from .simulation import AxisLayout
-from .states import HomeType, Input
+from ..events import Event
+from ..motions import Way
+from ..parameters import AxisParameters
+from ..procedures import HOME_SHIFT, Row, Step
+from ..simulation import AxisLayout
+from ..states import HomeType, Input
 
 
 class Flag(NamedTuple):

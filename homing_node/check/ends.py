@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from .events import Event
+from ..events import Event
+from ..motions import Way
+from ..procedures import Row, Step
+from ..states import Input, Role, Tier
 from .finding import Finding, Severity, down
-from .motions import Way
 from .placed import SIDES, Placed, Stop, ls_type_of
-from .procedures import Row, Step
-from .states import Input, Role, Tier
 
 
 class Ends(Placed):

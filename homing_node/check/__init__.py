@@ -9,14 +9,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from .check_bounds import Bounds
-from .check_ends import Ends
-from .check_places import Places
-from .check_values import check_values
-from .configuration import Configuration
+from ..configuration import Configuration
+from ..parameters import AxisParameters
+from ..simulation import AxisLayout
+from .bounds import Bounds
+from .ends import Ends
 from .finding import Finding, Severity, Timing, worst_first
-from .parameters import AxisParameters
-from .simulation import AxisLayout
+from .places import Places
+from .values import check_values
 
 __all__ = ['Finding', 'Severity', 'Timing', 'check', 'check_axis', 'errors']
 

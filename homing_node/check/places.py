@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from .events import Event
+from ..events import Event
+from ..limits import Limit
+from ..motions import Way
+from ..states import LIMIT_PAIRS, LIMIT_SWITCHES, Input, LSDirection, Role, Tier
 from .finding import Finding, Severity, down, up
 from .geometry import Flag, true_home
-from .limits import Limit
-from .motions import Way
 from .placed import SIDES, Placed
-from .states import LIMIT_PAIRS, LIMIT_SWITCHES, Input, LSDirection, Role, Tier
 from .stopping import stopping_distance
 
 #: By what part travel may differ from the distance between the hard stops.
