@@ -22,6 +22,8 @@ from rclpy.action import get_action_names_and_types
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
+from homing_node import layout_file
+from homing_node.cli import main
 from homing_node.configuration import configuration
 from homing_node.parameters import SPECS
 from homing_node.states import LIMIT_SWITCHES, Error, HomeType, Input, LSType, State
@@ -31,6 +33,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DOC = ROOT / 'doc'
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted(DOC.rglob('*.md'))]
 README = ROOT / 'README.md'
+TUTORIAL = DOC / 'tutorial.md'
 ROS_INTERFACE = DOC / 'ros_interface.md'
 
 
@@ -105,7 +108,9 @@ def test_yaml(block, tmp_path):
     """A block for the node is a good configuration, by itself or beside README's axis."""
     file = tmp_path / 'axes.yaml'
     file.write_text(block.text)
-    if '/**' not in yaml.safe_load(block.text):
+    if 'hard_stops' in block.text:
+        assert layout_file.load(file).layouts
+    elif '/**' not in yaml.safe_load(block.text):
         (parameters,) = yaml.safe_load(block.text).values()
         assert set(parameters) == {'ros__parameters'}
     elif 'axes:' in block.text:
@@ -114,6 +119,52 @@ def test_yaml(block, tmp_path):
         found = read(file).values
         file.write_text(axes_yaml())
         configuration({**read(file).values, **found})
+
+
+def test_homing_commands(tmp_path, monkeypatch, capsys):
+    """What other pages than the tutorial show of the command line works on README's axis."""
+    pages = [b.text for b in BLOCKS if b.language == 'bash' and b.page != TUTORIAL]
+    found = [shlex.split(line, comments=True) for text in pages for line in text.splitlines()
+             if line.startswith('homing ')]
+    assert {words[1] for words in found} >= {'check', 'run', 'diagram'}
+    monkeypatch.chdir(tmp_path)
+    Path('axes.yaml').write_text(axes_yaml())
+    Path('machine.yaml').write_text(yaml.safe_dump({'x': {
+        'hard_stops': [0.0, 0.4], 'negative_limit_switch': [-0.1, 0.01],
+        'positive_limit_switch': [0.39, 0.5], 'home_switch': [0.1, 0.12], 'start': 0.2,
+        'inverted': ['home_switch']}}))
+    for words in found:
+        assert main(words[1:]) == 0, (words, capsys.readouterr().out)
+
+
+def test_the_tutorial(tmp_path):
+    """Every block in its order: files are written, commands run, the axis homes."""
+    script = ['set -em']
+    for block in blocks_of(TUTORIAL):
+        if block.language == 'bash':
+            script.append(block.text.replace('make venv\n. .venv/bin/activate\n', ''))
+        else:
+            before = TUTORIAL.read_text()[:TUTORIAL.read_text().index(block.text)]
+            name = re.findall(r'`(\w+\.(?:yaml|py))`', before)[-1]
+            script.append(f"cat > {name} <<'END'\n{block.text}END\n")
+    domain = ros.Domain()
+    try:
+        ran = subprocess.run(
+            ['bash', '-c', '\n'.join(script)], cwd=tmp_path, capture_output=True, text=True,
+            timeout=90, check=False,
+            env={**os.environ, 'ROS_DOMAIN_ID': str(domain.number),
+                 'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}'})
+    finally:
+        domain.release()
+    output = ran.stdout + ran.stderr
+    assert ran.returncode == 0, output
+    assert 'not good enough yet' in output
+    assert 'axes.yaml: nothing found' in output
+    assert '101 homed, 0 failed' in output
+    home = re.search(r'^Homed: home_position_raw=(\S+)', output, re.MULTILINE)
+    assert float(home[1]) == pytest.approx(0.25, abs=1e-5)
+    made = {path.name for path in (tmp_path / 'my_machine').iterdir()}
+    assert {'run.npz', 'run.png', 'starts.png', 'HSHS.svg'} <= made
 
 
 def test_make_targets_exist():
@@ -181,10 +232,11 @@ def test_every_parameter_that_is_named_exists():
 
 def test_every_python_file_that_is_named_exists():
     existing = {path.name for folder in ('homing_node', 'test', 'scripts')
-                for path in (ROOT / folder).glob('*.py')}
+                for path in (ROOT / folder).rglob('*.py')}
     for page in PAGES:
         named = set(re.findall(r'(?<![\w.])(\w+\.py)\b', page.read_text()))
-        assert named <= existing, page.name
+        written = {'home.py'} if page == TUTORIAL else set()
+        assert named - written <= existing, page.name
 
 
 def test_number_of_home_types():
@@ -301,7 +353,7 @@ QOS_BLOCKS = [b for b in BLOCKS if 'qos_overrides' in b.text]
 @pytest.mark.parametrize('block', QOS_BLOCKS, ids=lambda b: b.id)
 def test_latching_driver(block, overridden, tmp_path):
     """Levels that were published once, before the node began, are heard with the block only."""
-    text = axes_yaml() if block.page == README else (
+    text = axes_yaml() if '/io/din3' in block.text else (
         ROOT / 'config' / 'one_axis.yaml').read_text()
     file = tmp_path / 'axes.yaml'
     file.write_text(text)
