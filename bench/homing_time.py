@@ -2,7 +2,8 @@
 
 The switch is on from 100 to 110 mm, index pulses every 10 mm at 3.7 mm; fast 50, slow 5 mm/s,
 1 m/s^2, jerk 100 m/s^3. The counterpart is the sum of the time-optimal legs (ruckig), each from
-the state in which an event found the axis to that of the next event, or to rest at home.
+the state in which an event found the axis to that of the next event, to rest after the overrun,
+and to rest at home.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,6 @@ from ruckig import InputParameter, Ruckig, Trajectory
 from homing_node.parameters import AxisParameters, axis_parameters
 from homing_node.rehearsal import Course, Rehearsal, Sample, Transport
 from homing_node.simulation import AxisLayout, SwitchLayout
-from homing_node.states import State
 
 FAST, SLOW, ACCELERATION, JERK = 0.05, 0.005, 1.0, 100.0
 LAYOUT = AxisLayout(
@@ -68,7 +68,7 @@ def home(scenario: Scenario, rate: float) -> tuple[Course, list[object]]:
     while (machine := rehearsal.axis.machine) is not None:
         if rehearsal.cycle() is not None:
             row = machine.step
-            rows.append(row.state if row.state is State.HomeShift else row)
+            rows.append(row)
     assert rehearsal.axis.homed, rehearsal.axis.message
     return rehearsal.course, rows
 
