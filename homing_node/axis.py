@@ -100,7 +100,6 @@ class Axis:
         if parameters.home_type is not self.parameters.home_type:
             self.history.forget_homes()
         self.parameters = parameters
-        self._track.corners = parameters.immediate_stop_at_ls
         sign = parameters.home_direction.sign
         if sign != self._sign:
             self._track.mirror()
@@ -231,7 +230,7 @@ class Axis:
         self.outcome = Outcome(Error.NoError)
         self._waiting.clear()
         self._unresolved.clear()
-        self._commands = Track(p.immediate_stop_at_ls)
+        self._commands = Track()
         self._moved = False
         self._settling_since = None
         self._bounces = {name: switch.bounces for name, switch in self._switches.items()}

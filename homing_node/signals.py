@@ -29,14 +29,12 @@ Sample = tuple[float, float]
 class Track:
     """A recorded position over time, at most TRACK_LENGTH samples.
 
-    ``doubted`` is the time of the newest sample whose time is not its own stamp; ``corners`` tells
-    that the velocity may jump.
+    ``doubted`` is the time of the newest sample whose time is not its own stamp.
     """
 
-    __slots__ = ('samples', 'time', 'position', 'doubted', 'corners')
+    __slots__ = ('samples', 'time', 'position', 'doubted')
 
-    def __init__(self, corners: bool = False) -> None:
-        self.corners = corners
+    def __init__(self) -> None:
         self.samples: deque[Sample] = deque(maxlen=TRACK_LENGTH)
         self.time = self.doubted = -1e300
         self.position = 0.0
@@ -110,8 +108,8 @@ class Track:
     def bend(self, time: float) -> float:
         """Return how far the track may leave the straight line between two samples around a time.
 
-        An eighth of the largest second difference of the samples around it, two on each side; half
-        of it where the track may have a corner.
+        Half of the largest second difference of the samples around it, two on each side: so much
+        for a corner, of an axis that stops within an interval; a parabola needs a quarter of that.
         """
         newer: deque[float] = deque(maxlen=2)
         older: list[float] = []
@@ -123,9 +121,8 @@ class Track:
             else:
                 break
         near = [*newer, *older]
-        bend = max((abs(a - 2.0 * b + c) for a, b, c in zip(near, near[1:], near[2:],
-                                                           strict=False)), default=0.0)
-        return bend / 2.0 if self.corners else bend / 8.0
+        return max((abs(a - 2.0 * b + c) for a, b, c in zip(near, near[1:], near[2:],
+                                                           strict=False)), default=0.0) / 2.0
 
     def grain(self, time: float) -> float:
         """Return the count of a coarse encoder, as far as it shows before a time, else 0.

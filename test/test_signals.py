@@ -91,7 +91,7 @@ def located(time, *samples):
 def test_the_position_is_interpolated_at_the_edges_own_time():
     edge = located(1.25, (0.0, 0.0), (1.0, 1.0), (2.0, 3.0), (3.0, 9.0))
     assert edge.position == 1.5
-    assert edge.uncertainty == 0.5  # the straight line: an eighth of 9 - 2 * 3 + 1
+    assert edge.uncertainty == 2.0  # a corner: half of 9 - 2 * 3 + 1, which is the interval
     assert edge.resolved
 
 
