@@ -1,5 +1,7 @@
 """The action, beside the services."""
 
+import time
+
 import pytest
 import ros_harness as ros
 from action_msgs.msg import GoalStatus
@@ -122,3 +124,104 @@ def test_the_service_cancels_a_goal(client):
     end = client.answer(ended, 3.0)
     assert end.status == GoalStatus.STATUS_ABORTED
     assert end.result.message.startswith('Canceled: axis long: ')
+
+
+# -- many axes ------------------------------------------------------------------------------------
+
+#: The state in which an axis is canceled -> its home type. All of them begin between the home
+#: switch and the limit, so that they meet the limit first.
+CANCELED_IN = {
+    'HSSearch': 'HSHS', 'HSFallingEdgeSearchReverse': 'HSHS', 'HSClearReverse': 'HSHS',
+    'SecondHSSearch': 'HSHS', 'ZPulseSearchReverse': 'HSReverseZPulse', 'HomeShift': 'HSHS',
+}
+#: q fails: its switch is further away than it may search. s would follow.
+GROUP = {'p': {'travel': 1.0}, 'q': {'max_search_distance': 0.01}, 'r': {'travel': 1.0}, 's': {}}
+
+
+@pytest.fixture(scope='module')
+def machine(tmp_path_factory):
+    switches = ['home_switch', 'positive_limit_switch', 'negative_limit_switch', 'z_pulse']
+    axes = {state: {'home_type': home_type, 'home_shift_distance': -0.02, 'switches': switches}
+            for state, home_type in CANCELED_IN.items()}
+    plant = {**{state: {'start': 0.07} for state in axes}, 'p': LONG, 'q': {}, 'r': LONG, 's': {}}
+    sequence = [', '.join(axes), 'p, q, r', 's']
+    with ros.World(tmp_path_factory.mktemp('machine'),
+                   ros.node_parameters({**axes, **GROUP}, home_sequence=sequence),
+                   ros.plant_parameters(plant)) as world:
+        client = world.client
+        client.homing = ActionClient(client.node, Home, client.name('home'))
+        client.until(client.homing.server_is_ready)
+        client.home('s')
+        yield world
+        client.homing.destroy()
+
+
+@pytest.mark.parametrize('by', ['goal', 'service'])
+def test_cancel_in_each_state(machine, by):
+    """Each axis stops within its limits, is not homed, and nothing moves afterwards."""
+    client = machine.client
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    states = {axis: client.record_states(axis) for axis in CANCELED_IN}
+    client.until(lambda: all(states.values()))
+    goals = {axis: send(client, axis) for axis in CANCELED_IN}
+    waiting, canceled = set(goals), []
+
+    def cancel_those_who_are_there():
+        for axis in list(waiting):
+            if states[axis][-1].message.state == axis:
+                waiting.discard(axis)
+                canceled.append(goals[axis][0].cancel_goal_async() if by == 'goal'
+                                else client.send(Trigger, f'{axis}/cancel'))
+        return not waiting
+
+    client.until(cancel_those_who_are_there)
+    for axis, (_, _, ended) in goals.items():
+        end = client.answer(ended, 3.0)
+        assert end.status == (GoalStatus.STATUS_CANCELED if by == 'goal'
+                              else GoalStatus.STATUS_ABORTED), axis
+        assert end.result.message.startswith(f'Canceled: axis {axis}: '), end.result.message
+        assert [(s.state, s.homed) for s in end.result.states] == [('Idle', False)]
+        assert ros.course(states[axis])[-2:] == ['Cancel', 'Idle']
+        assert ros.course(states[axis])[-3] == axis
+        samples = ros.course_of(setpoints, axis)
+        assert samples[-1].velocity == samples[-1].acceleration == 0.0
+    count = len(setpoints)
+    client.pass_time(0.15)
+    assert len(setpoints) == count
+
+
+def test_one_of_a_group_fails(machine):
+    """Its group stops, the next one is not begun, and each axis has a verdict of its own."""
+    client = machine.client
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    _, _, ended = send(client, 'p', 'q', 'r', 's')
+    end = client.answer(ended)
+    assert end.status == GoalStatus.STATUS_ABORTED
+    assert end.result.message.startswith('SearchDistanceExceeded: axis q: '), end.result.message
+    assert [(s.axis, s.error, s.homed) for s in end.result.states] == [
+        ('p', 'Canceled', False), ('q', 'SearchDistanceExceeded', False),
+        ('r', 'Canceled', False), ('s', 'NoError', True)]  # s keeps the home that it had
+    assert all(s.state == 'Idle' for s in end.result.states)
+    assert {joint for h in setpoints for joint in h.message.joint_names} == {'p', 'q', 'r'}
+    for axis in 'pqr':
+        assert ros.course_of(setpoints, axis)[-1].velocity == 0.0
+
+
+def test_a_late_joiner_receives_the_latched_state(machine):
+    client = machine.client
+    assert client.home('s')['s'].success
+    late = client.record_states('s')
+    client.until(lambda: late)
+    assert (late[-1].message.state, late[-1].message.homed) == ('Idle', True)
+
+
+def test_feedback_comes_ten_times_a_second(machine):
+    client = machine.client
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    handle, feedback, ended = send(client, 'p')
+    ros.at_speed(client, setpoints, 'p')
+    before, begun = len(feedback), time.monotonic()
+    client.until(lambda: len(feedback) >= before + 11)
+    assert (time.monotonic() - begun) / 10.5 == pytest.approx(0.1, rel=0.5)
+    client.answer(handle.cancel_goal_async())
+    client.answer(ended, 3.0)
