@@ -66,7 +66,7 @@ FIXED = ('axes', 'update_rate', 'setpoint_interface', 'joint')
 WATCH_PERIOD = 0.1
 #: A cycle begins earlier than its setpoints are due by the longest work of late, which is
 #: forgotten by this factor a cycle, but by no more than this part of the period.
-LEAD_DECAY, MOST_LEAD = 0.99, 0.5
+LEAD_DECAY, MOST_LEAD = 0.99, 0.8
 #: How long the last answers may take to leave after the axes have stopped, s.
 FAREWELL = 1.0
 
