@@ -29,6 +29,8 @@ from homing_node.states import Input
 
 SPEED = 0.05
 DRIVE = {'command_timeout': 0.1, 'stop_dec': 1.0}
+#: The inputs of an axis whose drive reports that it is on.
+REPORTING = ['home_switch', 'positive_limit_switch', 'negative_limit_switch', 'servo_enabled']
 #: How far such a drive goes after its last setpoint: two cycles, the timeout, its own stop.
 DRIVE_STOPS = SPEED * (0.008 + 0.1) + SPEED**2 / 2.0
 
@@ -37,7 +39,8 @@ DRIVE_STOPS = SPEED * (0.008 + 0.1) + SPEED**2 / 2.0
 
 def test_the_node_is_killed(tmp_path):
     """The drive stops by itself; the next node knows no home and moves nothing."""
-    parameters = ros.node_parameters({'x': {'homing_reverse_distance': 0.02}})
+    parameters = ros.node_parameters({'x': {
+        'homing_reverse_distance': 0.02, 'switches': REPORTING}})
     with ros.World(tmp_path, parameters, ros.plant_parameters({'x': DRIVE})) as world:
         client = world.client
         assert client.home('x')['x'].success
@@ -79,8 +82,7 @@ def at_rest(feedback, samples):
 
 def test_the_drive_reports_that_it_stopped_by_itself(tmp_path):
     """The run ends; requests are refused until the servo was switched off and on again."""
-    switches = ['home_switch', 'positive_limit_switch', 'negative_limit_switch', 'servo_enabled']
-    parameters = ros.node_parameters({'x': {'switches': switches}}, cycle_timeout=10.0)
+    parameters = ros.node_parameters({'x': {'switches': REPORTING}}, cycle_timeout=10.0)
     with ros.World(tmp_path, parameters,
                    ros.plant_parameters({'x': DRIVE})) as world:
         client = world.client
@@ -101,13 +103,18 @@ def test_the_drive_reports_that_it_stopped_by_itself(tmp_path):
 
 
 def home_again(client, axis='x'):
-    """Home at a node that was restarted: the killed one's services stay listed for a while."""
+    """Home at a node that was restarted, once its drive is on again.
+
+    The killed one's services stay listed for a while.
+    """
+    passed_over = (*ros.UNHEARD, 'Busy', 'ServoOff')
+
     def answered():
         future = client.send(Trigger, f'{axis}/home')
         until = time.monotonic() + 10.0
         client.until(lambda: future.done() or time.monotonic() > until)
         answer = future.result() if future.done() else None
-        return answer if answer and not answer.message.startswith((*ros.UNHEARD, 'Busy')) else None
+        return answer if answer and not answer.message.startswith(passed_over) else None
     return client.until(answered, 60.0)
 
 
