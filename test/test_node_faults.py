@@ -447,7 +447,7 @@ class Hosts:
         self.domain = ros.Domain()
         self.processes = []
         axes = {'x': {'homing_velocity_slow': 0.02, 'homing_reverse_distance': 0.02,
-                      'edge_tolerance': 0.002}}
+                      'edge_tolerance': 0.002, 'feedback_timeout': 0.4}}
         self.start('homing_node', self.cable.near, ros.node_parameters(axes))
         self.start('simulated_axes', self.cable.far, ros.plant_parameters({'x': DRIVE}))
 
