@@ -1,7 +1,8 @@
 """The node's subscriptions, polled by the cycle: messages and their stamps to the axes."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from sensor_msgs.msg import JointState
@@ -15,6 +16,7 @@ from .timebase import TimeBase
 
 Info = Mapping[str, int]  # what the middleware tells of a message
 Subscribe = Callable[[Any, str, Any], Any]  # (message type, topic, QoS) -> a polled subscription
+Take = Callable[[], tuple[bytes, Info] | None]  # the next message that has arrived, serialized
 
 
 @dataclass
@@ -27,6 +29,10 @@ class Wire:
     stamps: Stamps
     subscription: Any
     heard: bool = False
+    take: Take = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.take = _taker(self.subscription)
 
     @property
     def name(self) -> str:
@@ -54,8 +60,9 @@ class Inputs:
         self._by_joint = {
             joint: (axes[axis], Stamps(axes[axis].parameters.feedback_timeout, REORDERED))
             for axis, joint in joints.items()}
-        self._feedback = subscribe(JointState, 'joint_states', feedback_qos)
-        self._emergency_stop = subscribe(Bool, '~/emergency_stop', 10)
+        self._reader = convert.JointStateReader()
+        self._next_feedback = _taker(subscribe(JointState, 'joint_states', feedback_qos))
+        self._next_emergency_stop = _taker(subscribe(Bool, '~/emergency_stop', 10))
         self._wires: dict[str, list[Wire]] = {name: [] for name in axes}
 
     def wire(self, name: str, topics: Mapping[Input, str]) -> None:
@@ -86,13 +93,13 @@ class Inputs:
     def poll(self) -> None:
         """Give every message that has arrived to its axis, the feedback last."""
         for name, wires in self._wires.items():
-            axis = self._axes[name]
             for wire in wires:
-                handle, kind = wire.subscription.handle, wire.subscription.msg_type
-                while (taken := handle.take_message(kind, False)) is not None:
-                    self._take(axis, wire, *taken)
-        _drain(self._emergency_stop, self._take_emergency_stop)
-        _drain(self._feedback, self._take_feedback)
+                while (taken := wire.take()) is not None:
+                    self._take(self._axes[name], wire, *taken)
+        while (taken := self._next_emergency_stop()) is not None:
+            self._take_emergency_stop(*taken)
+        while (taken := self._next_feedback()) is not None:
+            self._take_feedback(*taken)
 
     def unready(
         self, name: str, publishers_of: Callable[[str], list[str]]
@@ -131,13 +138,16 @@ class Inputs:
                     if axis.running:
                         axis.stop(Error.SwitchStale, f'{wire.name} lost its publisher')
 
-    def _take(self, axis: Axis, wire: Wire, message: Any, info: Info) -> None:
+    def _take(self, axis: Axis, wire: Wire, data: bytes, info: Info) -> None:
         """Give a message of an input to the axis."""
+        value = convert.data_of(data, wire.subscription.msg_type)
+        if value is None:
+            return
         wire.heard = True
         if wire.source in LATCHES:
-            axis.latch(wire.source, float(message.data))
+            axis.latch(wire.source, value)
         elif wire.source is Input.SERVO_ENABLED:
-            axis.enable(bool(message.data))
+            axis.enable(bool(value))
         else:
             clock = self._clock
             arrival = stamp = clock.now
@@ -149,24 +159,28 @@ class Inputs:
                 time, sure = found
                 if wire.stamps.late:
                     axis.stop(Error.SwitchStale, too_late(wire.name, wire.stamps))
-                axis.switch(wire.source, time, bool(message.data), arrival, sure)
+                axis.switch(wire.source, time, bool(value), arrival, sure)
                 if not sure:
                     axis.warn(f'{wire.name}: {wire.stamps.warning}')
 
-    def _take_emergency_stop(self, message: Bool, _: Info) -> None:
+    def _take_emergency_stop(self, data: bytes, _: Info) -> None:
+        value = convert.data_of(data, Bool)
         for axis in self._axes.values():
-            axis.set_emergency_stop(bool(message.data))
+            axis.set_emergency_stop(value is not False)  # what cannot be read is no all-clear
 
-    def _take_feedback(self, message: JointState, info: Info) -> None:
+    def _take_feedback(self, data: bytes, info: Info) -> None:
+        read = self._reader.read(data)
+        if read is None:
+            return
+        sampled, positions = read
         clock = self._clock
         arrival = stamp = clock.now
         if not clock.simulated:
             arrival = clock.time_of(info['received_timestamp'])
             stamp = clock.time_of(info['source_timestamp'])
-        sampled = convert.to_nanoseconds(message.header.stamp)
         if sampled:
             stamp = clock.time_of(sampled)
-        for joint, position in convert.positions(message):
+        for joint, position in positions:
             if joint in self._by_joint:
                 axis, stamps = self._by_joint[joint]
                 found = stamps.believe(stamp, arrival)
@@ -179,7 +193,6 @@ class Inputs:
                         axis.warn(f'joint_states: {stamps.warning}')
 
 
-def _drain(subscription: Any, take: Callable[[Any, Info], None]) -> None:
-    handle, kind = subscription.handle, subscription.msg_type
-    while (taken := handle.take_message(kind, False)) is not None:
-        take(*taken)
+def _taker(subscription: Any) -> Take:
+    """Return what takes a subscription's next message; serialized, which costs half if none is."""
+    return partial(subscription.handle.take_message, subscription.msg_type, True)

@@ -319,6 +319,7 @@ class Subscription:
 
     def take_message(self, kind, raw):
         assert kind is self.msg_type
+        assert raw
         return self.waiting.pop(0) if self.waiting else None
 
     @staticmethod
@@ -358,7 +359,7 @@ class Cell:
         """Put a message where the next cycle finds it; times relative to now, s."""
         now = self.clock.now
         if topic in self.topics:
-            self.topics[topic].waiting.append((message, {
+            self.topics[topic].waiting.append((serialize_message(message), {
                 'source_timestamp': round((now + stamp) * 1e9),
                 'received_timestamp': round((now - age) * 1e9)}))
 
