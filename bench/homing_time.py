@@ -13,9 +13,9 @@ from typing import NamedTuple
 from figures import Figure
 from ruckig import InputParameter, Ruckig, Trajectory
 
+from homing_node.layout import AxisLayout, SwitchLayout
 from homing_node.parameters import AxisParameters, axis_parameters
 from homing_node.rehearsal import Course, Rehearsal, Sample, Transport
-from homing_node.simulation import AxisLayout, SwitchLayout
 
 FAST, SLOW, ACCELERATION, JERK = 0.05, 0.005, 1.0, 100.0
 LAYOUT = AxisLayout(

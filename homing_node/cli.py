@@ -19,11 +19,11 @@ from rich.text import Text
 from . import layout_file, yaml_file
 from .check import Finding, Severity, Timing, check, errors
 from .configuration import Configuration
+from .layout import AxisLayout
 from .layout_file import InvalidLayout, LayoutFile
 from .palette import state_colour
 from .parameters import AxisParameters
 from .procedures import PROCEDURES
-from .simulation import AxisLayout
 from .spec import InvalidParameters
 from .states import HomeType, Input, State
 from .sweep import Trial, rehearse_from, starts, sweep, transport_of

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
+from .layout import AxisLayout, SwitchLayout
 from .parameters import AxisParameters, axis_parameters
 from .rehearsal import Course, rehearse
-from .simulation import AxisLayout, SwitchLayout
 from .states import HomeType, Input
 
 

@@ -13,9 +13,10 @@ from math import inf, isfinite
 from typing import NamedTuple
 
 from .axis import Setpoint
+from .layout import AxisLayout
 from .parameters import AxisParameters
 from .rehearsal import DIRECT, PLANT_STEP, Rehearsal, Transport
-from .simulation import AxisLayout, Happening
+from .simulation import Happening
 from .stamps import REORDERED, Stamps, too_late
 from .states import LATCHES, Error, Input
 

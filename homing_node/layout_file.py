@@ -1,6 +1,6 @@
 """Reads where things are along the axes: the parameter file of `simulated_axes`, or a plain one.
 
-A plain file holds axis names and below each the keys of simulation.layouts_from. What is not
+A plain file holds axis names and below each the keys of layout.layouts_from. What is not
 known is left out, or null: a switch, the hard stops or one of them, ``index_offset``.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from .simulation import SWITCHES, AxisLayout, layouts_from
+from .layout import SWITCHES, AxisLayout, layouts_from
 
 PARAMETERS = 'ros__parameters'
 

@@ -20,6 +20,7 @@ from matplotlib.lines import Line2D
 from matplotlib.textpath import TextPath
 from matplotlib.ticker import MaxNLocator
 
+from .layout import AxisLayout
 from .palette import (
     BLUE,
     DARK_GREEN,
@@ -35,7 +36,6 @@ from .palette import (
     state_colour,
 )
 from .rehearsal import Course, Sample
-from .simulation import AxisLayout
 from .states import LATCHES, LIMIT_SWITCHES, Input, State, Word
 
 

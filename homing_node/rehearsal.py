@@ -12,8 +12,9 @@ from itertools import count
 from typing import NamedTuple
 
 from .axis import Axis, Outcome, Setpoint
+from .layout import AxisLayout
 from .parameters import AxisParameters
-from .simulation import AxisLayout, Happening, SimulatedAxis
+from .simulation import Happening, SimulatedAxis
 from .states import LATCHES, Input
 
 #: The plant's step, s.

@@ -34,7 +34,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from .simulation import AxisLayout, Happening, SimulatedAxis, layouts_from
+from .layout import AxisLayout, layouts_from
+from .simulation import Happening, SimulatedAxis
 from .states import Input
 
 #: How long before something is due the thread wakes up and waits for the exact time, s.

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from .check.finding import Timing
 from .check.geometry import Geometry, true_home
+from .layout import AxisLayout
 from .parameters import AxisParameters
 from .rehearsal import PLANT_STEP, Course, Rehearsal, Transport
-from .simulation import AxisLayout
 from .states import Input, State
 
 

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from .layout import AxisLayout
 from .palette import BLUE, DARK_GREY, DARK_VERMILLION, GREEN, GREY, INK, VERMILLION
-from .simulation import AxisLayout
 from .states import LIMIT_SWITCHES, Input
 from .sweep import Trial
 

@@ -27,9 +27,9 @@ from rich.text import Text  # noqa: E402
 from homing_node import plot  # noqa: E402
 from homing_node.axis import Outcome  # noqa: E402
 from homing_node.client import HomingClient  # noqa: E402
+from homing_node.layout import layouts_from  # noqa: E402
 from homing_node.palette import state_colour  # noqa: E402
 from homing_node.rehearsal import Course  # noqa: E402
-from homing_node.simulation import layouts_from  # noqa: E402
 from homing_node.states import Error  # noqa: E402
 
 console = Console(highlight=False)

@@ -7,10 +7,11 @@ direction. It is 100 mm long, from 0 to 0.1 m.
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
+from homing_node.layout import AxisLayout, SwitchLayout, mirrored
 from homing_node.parameters import AxisParameters, axis_parameters
 from homing_node.procedures import PROCEDURES
 from homing_node.rehearsal import DIRECT, Course, Rehearsal, Transport
-from homing_node.simulation import AxisLayout, Happening, SwitchLayout, _Switch, mirrored
+from homing_node.simulation import Happening, _Switch
 from homing_node.states import Error, HomeType, Input, State, Tier
 
 TYPES = tuple(HomeType)

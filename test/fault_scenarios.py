@@ -23,8 +23,8 @@ from core_rig import (
 
 from homing_node import faults as f
 from homing_node.faults import FaultyRehearsal, past
+from homing_node.layout import SwitchLayout, mirrored
 from homing_node.request import Request
-from homing_node.simulation import SwitchLayout, mirrored
 from homing_node.states import Error, HomeType, Input
 
 #: What a stop from the fast velocity takes at most, m: v^2 / 2a + v a / 2j + a cycle of travel,

@@ -6,9 +6,9 @@ import statistics
 import pytest
 from core_rig import HOME, PITCH, TRUE_HOME, error_of, home_of, rig, spoilt
 
+from homing_node.layout import SwitchLayout
 from homing_node.rehearsal import Transport
 from homing_node.signals import FALLBACK_DOUBT
-from homing_node.simulation import SwitchLayout
 from homing_node.states import Error
 
 STAMP_ERROR = 1e-4

@@ -15,9 +15,9 @@ from homing_node.check.geometry import Geometry, true_home
 from homing_node.check.stopping import stopping_distance
 from homing_node.configuration import configuration
 from homing_node.examples import EXAMPLES
+from homing_node.layout import AxisLayout, SwitchLayout, mirrored
 from homing_node.motions import Way
 from homing_node.parameters import SPECS, axis_parameters
-from homing_node.simulation import AxisLayout, SwitchLayout, mirrored
 from homing_node.states import HomeType, Input
 from homing_node.sweep import rehearse_from, transport_of
 

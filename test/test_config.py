@@ -9,8 +9,8 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from homing_node.layout import AxisLayout, SwitchLayout
 from homing_node.rehearsal import rehearse
-from homing_node.simulation import AxisLayout, SwitchLayout
 from homing_node.simulation_node import settings_from
 from homing_node.spec import InvalidParameters
 from homing_node.states import Error

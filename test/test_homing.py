@@ -30,9 +30,9 @@ from core_rig import (
     with_another_flag,
 )
 
+from homing_node.layout import SwitchLayout
 from homing_node.procedures import PROCEDURES
 from homing_node.rehearsal import Transport
-from homing_node.simulation import SwitchLayout
 from homing_node.states import Error, HomeType, Input
 
 BOTH_WAYS = pytest.mark.parametrize('direction', DIRECTIONS, ids=['positive', 'negative'])

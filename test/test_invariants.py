@@ -26,9 +26,9 @@ from core_rig import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from homing_node.layout import SwitchLayout
 from homing_node.parameters import SPECS
 from homing_node.rehearsal import Transport
-from homing_node.simulation import SwitchLayout
 from homing_node.states import Error, HomeType
 
 

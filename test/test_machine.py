@@ -4,6 +4,7 @@ import pytest
 from core_rig import HS, LIMIT_AHEAD, LIMIT_BEHIND, NEAR_AHEAD, rig
 
 from homing_node.events import Event
+from homing_node.layout import SwitchLayout
 from homing_node.machine import Machine
 from homing_node.procedures import (
     HOME_SHIFT,
@@ -21,7 +22,6 @@ from homing_node.procedures import (
 )
 from homing_node.profile import Profile
 from homing_node.signals import Edge, Switch
-from homing_node.simulation import SwitchLayout
 from homing_node.states import Error, Input, State
 
 PERIOD = 0.004

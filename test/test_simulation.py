@@ -8,15 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_node.simulation import (
-    SWITCHES,
-    AxisLayout,
-    Happening,
-    SimulatedAxis,
-    SwitchLayout,
-    layouts_from,
-    mirrored,
-)
+from homing_node.layout import SWITCHES, AxisLayout, SwitchLayout, layouts_from, mirrored
+from homing_node.simulation import Happening, SimulatedAxis
 
 HOME = 'home_switch'
 POSITIVE = 'positive_limit_switch'

@@ -10,8 +10,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from ..configuration import Configuration
+from ..layout import AxisLayout
 from ..parameters import AxisParameters
-from ..simulation import AxisLayout
 from .bounds import Bounds
 from .ends import Ends
 from .finding import Finding, Severity, Timing, worst_first

@@ -8,10 +8,10 @@ from math import ceil, floor, inf, isfinite, isnan
 from typing import NamedTuple
 
 from ..events import Event
+from ..layout import AxisLayout
 from ..motions import Way
 from ..parameters import AxisParameters
 from ..procedures import HOME_SHIFT, Row, Step
-from ..simulation import AxisLayout
 from ..states import HomeType, Input
 
 

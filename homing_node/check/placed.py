@@ -9,11 +9,11 @@ from math import inf
 from typing import NamedTuple
 
 from ..events import Event
+from ..layout import AxisLayout
 from ..limits import Limit, limits_of
 from ..motions import Kind, Way
 from ..parameters import AxisParameters
 from ..procedures import Row, Step
-from ..simulation import AxisLayout
 from ..states import Input, Role, Tier
 from .finding import Finding, Severity, Timing
 from .geometry import Geometry
