@@ -40,7 +40,7 @@ else:
 setup(
     name=package,
     version='0.1.0',
-    packages=[package, f'{package}.check'],
+    packages=[package, f'{package}.check', f'{package}.cli'],
     data_files=data_files,
     python_requires='>=3.10',
     install_requires=requirements,

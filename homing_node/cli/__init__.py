@@ -1,0 +1,62 @@
+"""The command `homing`: know before you move. Needs no ROS.
+
+Each of its commands is a module here: what it says of itself, its arguments, and `run`, which
+returns the exit status.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from . import check, diagram, plot, run
+from .common import OK, Failure
+
+STATUS = """\
+exit status:
+  0  all is well
+  1  {failed}
+  2  wrong arguments, or a file that cannot be read or written
+"""
+
+MAIN = """\
+Checks, rehearses and draws the homing of machine axes. Nothing moves, and no ROS is needed.
+
+  homing check axes.yaml --layout machine.yaml     prove a configuration before the first motion
+  homing run axes.yaml --layout machine.yaml       rehearse it: how long, which way, where to
+  homing plot run.npz                              draw a run
+  homing diagram HSHS                              draw what a home type does
+
+`homing COMMAND --help` teaches each of them.
+"""
+
+COMMANDS = {'check': check, 'run': run, 'plot': plot, 'diagram': diagram}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit status."""
+    arguments = _parser().parse_args(argv)
+    try:
+        status: int = COMMANDS[arguments.command].run(arguments)
+    except Failure as failure:
+        for line in failure.lines:
+            print(f'homing: {line}', file=sys.stderr)
+        return failure.status
+    except BrokenPipeError:  # what reads us has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    return status
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='homing', description=MAIN, formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=STATUS.format(failed='a finding is an error, or a run failed'))
+    commands = parser.add_subparsers(metavar='COMMAND', dest='command', required=True)
+    for name, command in COMMANDS.items():
+        command.add_arguments(commands.add_parser(
+            name, help=command.TEXT.partition('.')[0].partition(':')[0].partition(',')[0],
+            description=command.TEXT, epilog=command.EXAMPLES + STATUS.format(
+                failed=command.FAILURE),
+            formatter_class=argparse.RawDescriptionHelpFormatter))
+    return parser

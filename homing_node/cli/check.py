@@ -1,0 +1,134 @@
+"""`homing check`: proves a configuration before the first motion."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from ..check import Finding, Severity, check, errors
+from ..spec import InvalidParameters
+from .common import (
+    FAILED,
+    OK,
+    Failure,
+    add_configuration,
+    add_timing,
+    configuration_of,
+    console,
+    layout_from,
+    only,
+    positive,
+    timing_of,
+)
+
+TEXT = """\
+Checks the parameters of homing_node before anything moves, and says of each fault why it is
+one, the number, and the value that would be right.
+
+With a layout (where the switches, hard stops and index pulses are; what you do not know you
+leave out) it computes how far the axis goes on behind every switch: until the message has come,
+until the deceleration has grown, until the axis rests; and compares that with the room before
+the next switch and the hard stop, at both ends, at the speed at which this home type comes there.
+"""
+
+EXAMPLES = """\
+examples:
+  homing check axes.yaml
+  homing check axes.yaml --layout machine.yaml
+  homing check axes.yaml --layout machine.yaml --feedback-rate 100 --accuracy 1e-5
+  homing check axes.yaml --layout machine.yaml --json | jq '.findings[].right'
+
+a layout:
+  x:
+    hard_stops: [-0.005, 0.205]             # raw positions, m; null: not known
+    negative_limit_switch: [null, 0.0]      # on from the hard stop up to here
+    positive_limit_switch: [0.195, null]
+    home_switch: [0.150, 0.160]
+    home_switch_hysteresis: 0.00005
+    index_pitch: 0.01                       # pulses at index_offset + k * index_pitch
+    index_offset: 0.0037
+    lag: 0.005                              # s, from the command to the feedback
+  The parameter file of simulated_axes is a layout, too.
+
+severities:
+  error    a run fails, or the axis hits something
+  warning  it works, but not as it should, or not from everywhere
+  info     worth knowing
+
+"""
+
+FAILURE = 'an error was found'
+
+COLOURS = {Severity.error: 'bold red', Severity.warning: 'yellow', Severity.info: 'cyan'}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_configuration(parser)
+    parser.add_argument('--layout', metavar='LAYOUT', type=Path,
+                        help='where things are along the axes (YAML)')
+    add_timing(parser)
+    parser.add_argument('--accuracy', metavar='M', type=positive,
+                        help='how well home must be known, m or rad')
+    parser.add_argument('--axis', metavar='NAME', help='only this axis')
+    parser.add_argument('--json', action='store_true', help='print the findings as JSON')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    layout = layout_from(arguments.layout)
+    try:
+        configuration = configuration_of(arguments)
+    except InvalidParameters as error:
+        if not arguments.config.is_file():
+            raise Failure(*error.faults) from None
+        found = [_fault(fault) for fault in error.faults]
+    else:
+        axes = only(arguments.axis, configuration.axes)
+        found = [finding for finding in check(
+            configuration, None if layout is None else layout.layouts,
+            timing_of(arguments, layout)) if finding.axis in axes]
+    failed = bool(errors(found))
+    if arguments.json:
+        print(json.dumps({'ok': not failed, 'findings': [one.as_dict() for one in found]},
+                         indent=2))
+    else:
+        _show_findings(console(), found, str(arguments.config))
+    return FAILED if failed else OK
+
+
+def _fault(text: str) -> Finding:
+    """Return a finding that says what is wrong in the file itself."""
+    return Finding(Severity.error, '', 'configuration', text, 'the node does not start with it')
+
+
+def _show_findings(console: Console, found: Sequence[Finding], name: str) -> None:
+    counts = {severity: sum(one.severity is severity for one in found) for severity in Severity}
+    words = [f'{count} {severity}{"s" if count > 1 and severity is not Severity.info else ""}'
+             for severity, count in counts.items() if count]
+    summary = f'{name}: {", ".join(words) or "nothing found"}'
+    if not console.is_terminal:
+        for one in found:
+            where = f'axis {one.axis}: ' if one.axis else ''
+            remedy = f' [{one.remedy}]' if one.remedy else ''
+            print(f'{one.severity}: {where}{one.check}: {one.what}; {one.why}{remedy}')
+        print(summary)
+        return
+    for axis in dict.fromkeys(one.axis for one in found):
+        table = Table(title=f'axis {axis}' if axis else None, title_justify='left',
+                      title_style='bold', show_header=False, box=None, padding=(0, 2, 1, 0))
+        table.add_column(no_wrap=True)
+        table.add_column(overflow='fold')
+        for one in found:
+            if one.axis == axis:
+                text = Text(one.what)
+                text.append(f'\n{one.why}', style='dim')
+                if one.remedy:
+                    text.append('\n→ ', style='green').append(one.remedy, style='bold green')
+                table.add_row(Text(f'{one.severity}\n{one.check}', style=COLOURS[one.severity]),
+                              text)
+        console.print(table)
+    style = 'bold red' if counts[Severity.error] else 'bold green'
+    console.print(Text(summary, style=style))

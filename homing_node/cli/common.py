@@ -1,0 +1,105 @@
+"""What the commands share: exit statuses, the files and numbers that they are given."""
+
+import argparse
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from rich.console import Console
+
+from .. import layout_file, yaml_file
+from ..check import Timing
+from ..configuration import Configuration
+from ..layout_file import InvalidLayout, LayoutFile
+from ..parameters import AxisParameters
+
+OK, FAILED, USAGE = 0, 1, 2
+
+
+class Failure(Exception):
+    """What ends a command: lines for the user, and the exit status."""
+
+    def __init__(self, *lines: str, status: int = USAGE) -> None:
+        self.lines, self.status = lines, status
+
+
+# --------------------------------------------------------------------------------- the arguments
+
+
+def add_configuration(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('config', metavar='CONFIG', type=Path,
+                        help='parameter file of homing_node (YAML)')
+    parser.add_argument('--node', metavar='NAME', default=yaml_file.NODE,
+                        help='the node that the parameters are for (default: %(default)s)')
+
+
+def add_timing(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--feedback-rate', metavar='HZ', type=positive,
+                        help='how often joint_states come (default: as the layout file says)')
+    parser.add_argument(
+        '--latency', metavar='S', type=not_negative,
+        help="from a switch's edge until the setpoint that answers it takes effect "
+             f"(default: the layout file's dead_time, else {Timing().latency:g} s)")
+
+
+def positive(text: str) -> float:
+    number = float(text)
+    if not 0.0 < number < float('inf'):
+        raise argparse.ArgumentTypeError(f'{text} is not a number > 0')
+    return number
+
+
+def not_negative(text: str) -> float:
+    return 0.0 if float(text) == 0.0 else positive(text)
+
+
+def count(text: str) -> int:
+    number = int(text)
+    if not 2 <= number <= 100_000:
+        raise argparse.ArgumentTypeError(f'{text} is not a number from 2 to 100000')
+    return number
+
+
+# ------------------------------------------------------------------------------------- the files
+
+
+def configuration_of(arguments: argparse.Namespace) -> Configuration:
+    return yaml_file.load(arguments.config, arguments.node)
+
+
+def layout_from(path: Path | None) -> LayoutFile | None:
+    try:
+        return layout_file.load(path) if path else None
+    except InvalidLayout as error:
+        raise Failure(*error.faults) from None
+
+
+def timing_of(arguments: argparse.Namespace, layout: LayoutFile | None) -> Timing:
+    rate, latency = arguments.feedback_rate, arguments.latency
+    if layout is not None:
+        rate = layout.feedback_rate if rate is None else rate
+        latency = layout.dead_time if latency is None else latency
+    return Timing(
+        feedback_rate=rate, latency=Timing().latency if latency is None else latency,
+        accuracy=getattr(arguments, 'accuracy', None))
+
+
+def only(axis: str | None, axes: Mapping[str, AxisParameters]) -> dict[str, AxisParameters]:
+    if axis is None:
+        return dict(axes)
+    if axis not in axes:
+        raise Failure(f'--axis: {axis!r} is none of the axes {", ".join(axes)}')
+    return {axis: axes[axis]}
+
+
+def written(path: Path, write: Callable[[], None]) -> None:
+    """Write a file; what goes wrong is the user's to know."""
+    try:
+        write()
+    except OSError as error:
+        raise Failure(f'{path}: {error.strerror or error}') from None
+    except ValueError as error:
+        raise Failure(f'{path}: {str(error).removeprefix(f"{path}: ")}') from None
+
+
+def console() -> Console:
+    return Console(highlight=False, soft_wrap=False)

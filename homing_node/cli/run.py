@@ -1,0 +1,220 @@
+"""`homing run`: rehearses homing against a simulated axis."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isnan
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from ..check import Timing
+from ..layout import AxisLayout
+from ..layout_file import LayoutFile
+from ..palette import state_colour
+from ..parameters import AxisParameters
+from ..spec import InvalidParameters
+from ..states import HomeType, Input, State
+from ..sweep import Trial, rehearse_from, transport_of
+from .common import (
+    FAILED,
+    OK,
+    Failure,
+    add_configuration,
+    add_timing,
+    configuration_of,
+    console,
+    count,
+    layout_from,
+    only,
+    timing_of,
+    written,
+)
+from .starts import sweep_axis
+
+TEXT = """\
+Rehearses homing against a simulated axis, more than a hundred times faster than the real thing:
+the same code that drives the machine, the switches where the layout has them.
+"""
+
+EXAMPLES = """\
+examples:
+  homing run axes.yaml --layout machine.yaml
+  homing run axes.yaml --layout machine.yaml --axis x --from 0.18 --plot run.png
+  homing run axes.yaml --layout machine.yaml --axis x --type HSZPulse
+  homing run axes.yaml --layout machine.yaml --axis x --save run.npz   (or .csv)
+  homing run axes.yaml --layout machine.yaml --axis x --all-starts --plot starts.png
+
+"""
+
+FAILURE = 'a run failed, or hit a hard stop'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_configuration(parser)
+    parser.add_argument('--layout', metavar='LAYOUT', type=Path, required=True,
+                        help='where things are along the axes (YAML)')
+    parser.add_argument('--axis', metavar='NAME', help='only this axis (default: all)')
+    parser.add_argument('--from', metavar='POSITION', type=float, dest='start',
+                        help="raw start position (default: the layout's start)")
+    parser.add_argument('--type', metavar='TYPE', choices=list(map(str, HomeType)),
+                        help='another home type than the configured one')
+    parser.add_argument('--all-starts', action='store_true',
+                        help='run from everywhere along the travel, and draw what becomes of it')
+    parser.add_argument('--starts', metavar='N', type=count, default=101,
+                        help='how many start positions (default: %(default)s)')
+    add_timing(parser)
+    parser.add_argument('--save', metavar='FILE', type=Path,
+                        help='save the course: .npz, or .csv for spreadsheets')
+    parser.add_argument('--plot', metavar='FILE', type=Path,
+                        help='draw it: .png, .svg or .pdf (--all-starts: default AXIS_starts.png)')
+    parser.add_argument('--json', action='store_true', help='print the results as JSON')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    layout = layout_from(arguments.layout)
+    assert layout is not None
+    try:
+        configuration = configuration_of(arguments)
+    except InvalidParameters as error:
+        raise Failure(*error.faults) from None
+    axes = only(arguments.axis, configuration.axes)
+    alone = len(axes) == 1
+    for option in ('start', 'save', 'plot'):
+        if getattr(arguments, option) is not None and not alone:
+            name = 'from' if option == 'start' else option
+            raise Failure(f'--{name} is for one axis; say which: --axis {" or ".join(axes)}')
+    timing = replace(timing_of(arguments, layout), update_rate=configuration.update_rate)
+    told: list[dict[str, object]] = []
+    good = True
+    for axis, parameters in axes.items():
+        parameters = _with_type(parameters, arguments.type, axis)
+        where = _place(arguments, layout, axis, parameters)
+        act = sweep_axis if arguments.all_starts else _run_axis
+        trials = act(arguments, axis, parameters, where, timing)
+        told += [_as_dict(axis, parameters, trial) for trial in trials]
+        good &= all(trial.success for trial in trials)
+    if arguments.json:
+        print(json.dumps({'ok': good, 'runs': told}, indent=2))
+    return OK if good else FAILED
+
+
+def _with_type(parameters: AxisParameters, home_type: str | None, axis: str) -> AxisParameters:
+    if home_type is None:
+        return parameters
+    parameters = replace(parameters, home_type=HomeType(home_type))
+    faults = parameters.cross_check()
+    if faults:
+        raise Failure(*(f'--type {home_type}: {axis}.{fault}' for fault in faults))
+    return parameters
+
+
+def _place(
+    arguments: argparse.Namespace, layout: LayoutFile, axis: str, parameters: AxisParameters
+) -> AxisLayout:
+    """Return an axis's layout if it has all that a run needs."""
+    path, where = arguments.layout, layout.layouts.get(axis)
+    if where is None:
+        raise Failure(f'{path}: no axis {axis!r} in it, only {", ".join(layout.layouts)}')
+    missing: list[Input] = [
+        name for name in parameters.inputs if name not in where.switches
+        and name not in (Input.SERVO_ENABLED, Input.Z_PULSE, Input.TOUCH_PROBE)]
+    used = parameters.procedure.inputs
+    if Input.Z_PULSE in used and (not where.index_pitch or isnan(where.index_offset)):
+        missing.append(Input.Z_PULSE)
+    if Input.TOUCH_PROBE in used and where.touch_probe is None:
+        missing.append(Input.TOUCH_PROBE)
+    if missing:
+        raise Failure(*(
+            f'{path}: axis {axis}: a run needs to know where {name} is, which '
+            f'{arguments.config} has in switches' for name in missing))
+    low, high = where.hard_stops
+    if arguments.start is not None and not low <= arguments.start <= high:
+        raise Failure(f'--from: {arguments.start:g} is beyond the hard stops of axis {axis}, '
+                      f'{low:g} and {high:g}')
+    if isnan(where.index_offset):
+        where = replace(where, index_pitch=0.0, index_offset=0.0)
+    return where
+
+
+def _run_axis(
+    arguments: argparse.Namespace, axis: str, parameters: AxisParameters, where: AxisLayout,
+    timing: Timing,
+) -> list[Trial]:
+    trial = rehearse_from(parameters, where, transport_of(timing), arguments.start, axis)
+    title = f'{axis}: {parameters.home_type} from {trial.start:g}'
+    files = []
+    if arguments.save:
+        from .. import record
+        written(arguments.save, lambda: record.save(arguments.save, trial.course, title))
+        files.append(arguments.save)
+    if arguments.plot:
+        from .. import plot
+        written(arguments.plot, lambda: plot.save(arguments.plot, trial.course, where, title))
+        files.append(arguments.plot)
+    if not arguments.json:
+        _show_run(console(), axis, parameters, trial, files)
+    return [trial]
+
+
+def _as_dict(axis: str, parameters: AxisParameters, trial: Trial) -> dict[str, object]:
+    outcome = trial.course.outcome
+    return {
+        'axis': axis, 'home_type': str(parameters.home_type), 'start': trial.start,
+        'success': trial.success, 'error': trial.error,
+        'message': outcome.message if outcome else '',
+        'time': trial.course.duration,
+        'home_position_raw': outcome.home_position_raw if outcome and outcome.success else None,
+        'true_home': trial.true_home, 'off': trial.off,
+        'uncertainty': outcome.uncertainty if outcome and outcome.success else None,
+        'states': [stretch._asdict() for stretch in trial.stretches],
+    }
+
+
+def _show_run(
+    console: Console, axis: str, parameters: AxisParameters, trial: Trial, files: Sequence[Path]
+) -> None:
+    outcome = trial.course.outcome
+    assert outcome is not None
+    lines = []
+    if trial.hits is not None:
+        lines.append(f'the axis ran into the hard stop at {trial.hits:g}')
+    if outcome.success:
+        known = '' if trial.off is None else (
+            f'; true {trial.true_home:.9g}, off by {abs(trial.off):.2g}')
+        lines += [f'home position {outcome.home_position_raw:.9g} (raw){known}, known to within '
+                  f'{outcome.uncertainty:.2g}',
+                  f'reads {parameters.home_position:g} at '
+                  f'{outcome.home_offset + parameters.home_position:.9g} (raw)']
+    else:
+        lines.append(f'{outcome.error}: {outcome.message}')
+    seconds = f'{trial.course.duration:.3f} s'
+    verdict = f'homed in {seconds}' if trial.success else f'failed after {seconds}'
+    head = f'axis {axis}: {parameters.home_type} {parameters.home_direction} from {trial.start:g}'
+    lines.append(f'rehearsed in {trial.took:.3f} s, {trial.speed:.0f} times real time')
+    lines += [f'wrote {path}' for path in files]
+    if not console.is_terminal:
+        print(f'{head}: {verdict}')
+        for one in trial.stretches:
+            print(f'  {one.begin:8.3f} s  {one.end - one.begin:8.3f} s  {one.state:<27}'
+                  f' {one.origin:12.6f} -> {one.target:12.6f}')
+        for line in lines:
+            print(f'  {line}')
+        return
+    console.print(Text(f'{head}: ', style='bold').append(
+        verdict, style='green' if trial.success else 'red'))
+    table = Table(box=None, padding=(0, 2), header_style='dim')
+    table.add_column('home state')
+    for name in ('begins', 'takes', 'from', 'to'):
+        table.add_column(name, justify='right')
+    for one in trial.stretches:
+        table.add_row(Text(one.state, style=f'bold {state_colour(State(one.state))}'),
+                      f'{one.begin:.3f} s', f'{one.end - one.begin:.3f} s',
+                      f'{one.origin:.6f}', f'{one.target:.6f}')
+    if trial.stretches:
+        console.print(table)
+    for line in lines:
+        console.print(Text(f'  {line}'))

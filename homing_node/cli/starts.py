@@ -1,0 +1,78 @@
+"""`homing run --all-starts`: what becomes of a run, over where it starts."""
+
+import argparse
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+
+from ..check import Timing
+from ..layout import AxisLayout
+from ..parameters import AxisParameters
+from ..sweep import Trial, starts, sweep, transport_of
+from .common import written
+
+
+def sweep_axis(
+    arguments: argparse.Namespace, axis: str, parameters: AxisParameters, where: AxisLayout,
+    timing: Timing,
+) -> list[Trial]:
+    """Run from everywhere along the travel, draw it and tell how it went."""
+    from .. import sweep_plot
+
+    console = Console(stderr=True)
+    positions = starts(parameters, where, arguments.starts)
+    shown = console.is_terminal and not arguments.json
+    progress: AbstractContextManager[Progress | None] = (
+        Progress(console=console, transient=True) if shown else nullcontext())
+    with progress as bar:
+        task = bar.add_task(f'axis {axis}', total=len(positions)) if bar else None
+
+        def done() -> None:
+            if bar and task is not None:
+                bar.advance(task)
+        trials = list(sweep(parameters, where, transport_of(timing), positions, axis, done))
+    path = arguments.plot or Path(f'{axis}_starts.png')
+    title = f'{axis}: {parameters.home_type} {parameters.home_direction}'
+    written(path, lambda: sweep_plot.draw(path, trials, where, title))
+    if arguments.save:
+        written(arguments.save, lambda: _save_starts(arguments.save, trials))
+    if not arguments.json:
+        _show(axis, parameters, trials)
+        print(f'  wrote {path}')
+        if arguments.save:
+            print(f'  wrote {arguments.save}')
+    return trials
+
+
+def _show(axis: str, parameters: AxisParameters, trials: Sequence[Trial]) -> None:
+    durations = [trial.course.duration for trial in trials]
+    took = sum(trial.took for trial in trials)
+    homed = sum(trial.success for trial in trials)
+    print(f'axis {axis}: {parameters.home_type} {parameters.home_direction} from {len(trials)} '
+          f'positions: {homed} homed, {len(trials) - homed} failed')
+    for error in dict.fromkeys(trial.error for trial in trials if trial.error):
+        failed = [trial for trial in trials if trial.error == error]
+        message = failed[0].course.outcome.message if failed[0].course.outcome else ''
+        print(f'  {error} from {len(failed)} positions between {failed[0].start:g} and '
+              f'{failed[-1].start:g}{": " if message else ""}{message}')
+    print(f'  time {min(durations):.3f} s to {max(durations):.3f} s')
+    off = [abs(trial.off) for trial in trials if trial.off is not None]
+    if off:
+        print(f'  home off by at most {max(off):.2g}')
+    print(f'  rehearsed in {took:.2f} s, {sum(durations) / took:.0f} times real time')
+
+
+def _save_starts(path: Path, trials: Sequence[Trial]) -> None:
+    """Save what became of each start, one line each."""
+    if path.suffix != '.csv':
+        raise ValueError('the table of --all-starts is saved as .csv')
+    rows = ['start,time,error,home_position_raw,off']
+    for trial in trials:
+        outcome = trial.course.outcome
+        home = repr(outcome.home_position_raw) if outcome and outcome.success else ''
+        off = '' if trial.off is None else repr(trial.off)
+        rows.append(f'{trial.start!r},{trial.course.duration!r},{trial.error},{home},{off}')
+    path.write_text('\n'.join(rows) + '\n', encoding='utf-8')
