@@ -47,7 +47,8 @@ test-faults: venv
 
 fuzz: venv
 	HOMING_FUZZ=1 $(VENV)/bin/python -m pytest -q test/test_invariants.py \
-	  test/test_node_faults.py::test_any_messages_in_any_order
+	  test/test_node_faults.py::test_any_messages_in_any_order \
+	  test/test_node_life.py::test_homings_in_a_row
 
 bench: venv
 	@$(VENV)/bin/python bench

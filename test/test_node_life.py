@@ -1,8 +1,11 @@
 """How the node starts, is wired and ends."""
 
+import os
 import signal
 import time
 from itertools import pairwise
+from pathlib import Path
+from statistics import median
 
 import pytest
 import ros_harness as ros
@@ -191,3 +194,47 @@ def test_topics_that_were_wired(cell):
 
 def test_parameters_under_another_name(cell):
     assert cell.client.get('a.travel', 'home_sequence') == [0.08, ['c, b', 'a']]
+
+
+# ------------------------------------------------------------------------------------ a long life
+
+#: Homings in a row; `make fuzz` asks for a thousand.
+HOMINGS = 1000 if os.environ.get('HOMING_FUZZ') else 60
+FAST = {'home_type': 'HS', 'homing_velocity_fast': 0.2, 'homing_velocity_fast_acc': 8.0,
+        'homing_velocity_fast_dec': 8.0, 'home_shift_velocity': 0.2, 'home_shift_acc': 8.0,
+        'home_shift_dec': 8.0, 'max_jerk': 1000.0}
+
+
+def held_by(process):
+    """Return what a process holds: resident memory in bytes, threads, open files."""
+    folder = Path('/proc', str(process.process.pid))
+    pages = int((folder / 'statm').read_text().split()[1])
+    return (pages * os.sysconf('SC_PAGE_SIZE'), len(list((folder / 'task').iterdir())),
+            len(list((folder / 'fd').iterdir())))
+
+
+def test_homings_in_a_row(tmp_path):
+    """Neither memory nor threads nor files nor the time of an answer grow."""
+    axes = [f'a{i}' for i in range(4)]
+    parameters = ros.node_parameters(dict.fromkeys(axes, FAST))
+    with ros.World(tmp_path, parameters,
+                   ros.plant_parameters({axis: {} for axis in axes})) as world:
+        waits = []
+
+        def home(times):
+            for _ in range(times // len(axes)):
+                begun = time.monotonic()
+                answers = world.client.home(*axes)
+                waits.append(time.monotonic() - begun)
+                assert all(answer.success for answer in answers.values()), answers
+
+        home(HOMINGS // 3)
+        memory, threads, files = held_by(world.node)
+        waits.clear()
+        home(HOMINGS)
+        grown, more_threads, more_files = held_by(world.node)
+        assert more_threads <= threads
+        assert more_files <= files
+        assert grown - memory < 2e6  # 0.06 MB in 1000 homings
+        third = len(waits) // 3
+        assert median(waits[-third:]) < 2.0 * median(waits[:third])
