@@ -96,7 +96,9 @@ class Axis:
         self.configure(parameters)
 
     def configure(self, parameters: AxisParameters) -> None:
-        """Take new parameters; only while no run is on."""
+        """Take new parameters; raises RuntimeError while a run is on."""
+        if self.machine is not None:
+            raise RuntimeError(f'axis {self.name} is homing')
         if parameters.home_type is not self.parameters.home_type:
             self.history.forget_homes()
         self.parameters = parameters

@@ -58,7 +58,7 @@ class Dispatch:
         if self.closed:
             return Outcome(Error.Canceled, 'the node is shutting down')
         for name in names:
-            refusal = self._unknown(name) or self._busy(name) or self._unready(name)
+            refusal = self._unknown(name) or self.busy(name) or self._unready(name)
             if refusal is not None:
                 return refusal
         listed = {name for group in self.groups for name in group}
@@ -68,6 +68,15 @@ class Dispatch:
         request.start(now)
         self._active.append((request, Answer()))
         return request
+
+    def busy(self, name: str) -> Outcome | None:
+        """Return who homes an axis, or will within a sequence; None where nobody does."""
+        for request, _ in self._active:
+            if name in request.names and not request.done:
+                return Outcome(Error.Busy, f'axis {name}: {request.owner} is homing '
+                                           f'{", ".join(request.names)} '
+                                           f'({name}: {self._axes[name].state})')
+        return None
 
     def answer(self, request: Request) -> Answer:
         """Return what to await for a request that was started."""
@@ -119,11 +128,3 @@ class Dispatch:
         if name in self._axes:
             return None
         return Outcome(Error.UnknownAxis, f'{name!r} is none of the axes {", ".join(self._axes)}')
-
-    def _busy(self, name: str) -> Outcome | None:
-        for request, _ in self._active:
-            if name in request.names and not request.done:
-                return Outcome(Error.Busy, f'axis {name}: {request.owner} is homing '
-                                           f'{", ".join(request.names)} '
-                                           f'({name}: {self._axes[name].state})')
-        return None

@@ -11,19 +11,16 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from rclpy.signals import SignalHandlerOptions
@@ -34,25 +31,15 @@ from trajectory_msgs.msg import JointTrajectory
 
 from . import convert
 from .axis import Axis, Outcome, Setpoint
-from .check import Severity, check, errors
-from .configuration import (
-    AXIS_SPECS,
-    NODE_SPECS,
-    TOPICS,
-    Configuration,
-    SetpointInterface,
-    check_axis_values,
-    check_node_value,
-    configuration,
-    home_sequence,
-)
+from .configuration import SetpointInterface, home_sequence
+from .configured_node import ConfiguredNode
 from .dispatch import Dispatch
 from .inputs import Inputs
-from .parameters import axis_parameters
+from .parameters import AxisParameters
 from .reports import Publishers, Reports
 from .services import Services
 from .spec import InvalidParameters
-from .states import Error, Input
+from .states import Error
 from .timebase import TimeBase, wake_precisely
 
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -60,8 +47,6 @@ OVERRIDABLE = QoSOverridingOptions([
     QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
     QoSPolicyKind.DURABILITY])
 
-#: Parameters that take effect at the start only.
-FIXED = ('axes', 'update_rate', 'setpoint_interface', 'joint')
 #: How often the publishers of the inputs are counted, s.
 WATCH_PERIOD = 0.1
 #: A cycle begins earlier than its setpoints are due by the longest work of late, which is
@@ -88,7 +73,7 @@ class Polled(CallbackGroup):
         pass
 
 
-class HomingNode(Node):
+class HomingNode(ConfiguredNode):
     """Homes the axes that its parameters describe; doc/ros_interface.md is its contract.
 
     Raises InvalidParameters, with every fault, where the parameters are bad.
@@ -96,21 +81,13 @@ class HomingNode(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__('homing_node', **kwargs)
-        overrides = self._parameter_overrides
-        for name, parameter in overrides.items():
-            if parameter.type_ is Parameter.Type.NOT_SET:  # what rcl makes of an empty array
-                overrides[name] = Parameter(name, Parameter.Type.STRING_ARRAY, [])
-        given = {name: parameter.value for name, parameter in overrides.items()}
-        checked = configuration(given)
-        self._prove(checked)
-        self._declare(checked.axes)
+        checked = self.configuration
         self._period = 1.0 / checked.update_rate
         self._cycle_timeout = checked.cycle_timeout
         self._by_trajectory = checked.setpoint_interface is SetpointInterface.trajectory
         self._joints = checked.joints
         self._axes = {name: Axis(name, parameters, self._period)
                       for name, parameters in checked.axes.items()}
-        self._faults: dict[str, tuple[str, ...]] = {}  # of parameters set since the start
         self._setpoints = convert.trajectory(self._period)  # the same message every cycle
         self._commands: dict[str, float] = {}  # of all axes while requests are active
         self._watched = 0.0
@@ -132,34 +109,13 @@ class HomingNode(Node):
         self._inputs = Inputs(self._axes, self._joints, self._timebase, subscribe,
                               self.destroy_subscription, BEST_EFFORT)
         for name in self._axes:
-            self._inputs.wire(name, self._topics(name))
+            self._inputs.wire(name, self.topics_of(name))
         self._dispatch = Dispatch(self._axes, checked.home_sequence, self._unready)
         self._create_publishers()
         self._create_services()
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._apply_parameters)
+        self.serve_parameters()
 
     # ---------------------------------------------------------------------------------- creation
-
-    def _prove(self, checked: Configuration) -> None:
-        """Refuse what `homing check` finds to be an error; log its warnings."""
-        findings = check(checked)
-        if errors(findings):
-            raise InvalidParameters(finding.text for finding in errors(findings))
-        for finding in findings:
-            if finding.severity is Severity.warning:
-                self.get_logger().warning(finding.text)
-
-    def _declare(self, axes: Iterable[str]) -> None:
-        """Declare every parameter with its descriptor."""
-        for spec in NODE_SPECS.values():
-            self.declare_parameter(spec.name, convert.plain(spec.initial),
-                                   convert.descriptor(spec, read_only=spec.name in FIXED))
-        for axis in axes:
-            self.declare_parameters(axis, [
-                (name, convert.plain(spec.initial),
-                 convert.descriptor(spec, read_only=name in FIXED))
-                for name, spec in AXIS_SPECS.items()])
 
     def _create_publishers(self) -> None:
         self._trajectory = self.create_publisher(
@@ -208,8 +164,8 @@ class HomingNode(Node):
 
     def _unready(self, name: str) -> Outcome | None:
         """Return why an axis cannot home for a reason that only the node knows."""
-        if name in self._faults:
-            return Outcome(Error.InvalidParameter, '; '.join(self._faults[name]))
+        if name in self.faults:
+            return Outcome(Error.InvalidParameter, '; '.join(self.faults[name]))
         if not self._by_trajectory:  # every axis is told a position, also one that only rests
             for axis in self._axes.values():
                 if not axis.known:
@@ -222,68 +178,24 @@ class HomingNode(Node):
 
     # -------------------------------------------------------------------------------- parameters
 
-    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters; a bad value is answered with its name, value, bound and unit.
+    def in_use(self, axis: str) -> str:
+        """Tell who homes an axis, or will within a sequence."""
+        with self._lock:
+            refusal = self._dispatch.busy(axis)
+        return '' if refusal is None else refusal.message
 
-        Checked before rclpy tests the range, which would answer without them.
-        """
-        unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
-        if unknown:  # rclpy would not say which
-            return SetParametersResult(
-                successful=False, reason=f'no such parameter: {", ".join(unknown)}')
-        result = self._check_parameters(parameter_list)
-        return super().set_parameters_atomically(parameter_list) if result.successful else result
+    def take_axis(self, axis: str, parameters: AxisParameters) -> None:
+        """Give an axis new parameters, which it has at its next run."""
+        with self._lock:
+            self._axes[axis].configure(parameters)
+            self._inputs.wire(axis, self.topics_of(axis))
 
-    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Check each value, and the cross-checks where several are set together."""
-        faults: list[str] = []
-        changed: dict[str, dict[str, object]] = {}
-        for parameter in parameters:
-            axis, _, name = parameter.name.partition('.')
-            try:
-                if parameter.name in NODE_SPECS:
-                    check_node_value(parameter.name, parameter.value, list(self._axes))
-                elif axis in self._axes and self._axes[axis].running:
-                    faults.append(f'{parameter.name}: axis {axis} is homing '
-                                  f'({self._axes[axis].state}); set it afterwards')
-                elif axis in self._axes:
-                    value = AXIS_SPECS[name].convert(parameter.value)
-                    changed.setdefault(axis, {})[name] = value
-            except ValueError as error:
-                faults.append(f'{axis}.{error}' if axis in self._axes else str(error))
-        for axis, values in changed.items():
-            if len(values) > 1 and not faults:
-                faults += check_axis_values(axis, {**self._values(axis), **values})
-        return SetParametersResult(successful=not faults, reason='; '.join(faults))
-
-    def _apply_parameters(self, parameters: list[Parameter]) -> None:
-        """Give new values to the axes, which have them at their next run."""
-        for parameter in parameters:
-            if parameter.name == 'home_sequence':
-                groups = home_sequence(list(parameter.value or []), list(self._axes))
-                self._dispatch.groups = groups
-            elif parameter.name == 'cycle_timeout':
-                self._cycle_timeout = float(parameter.value)
-        for name in {p.name.partition('.')[0] for p in parameters} & set(self._axes):
-            self._faults.pop(name, None)
-            try:
-                new = axis_parameters(self._values(name), name)
-            except InvalidParameters as error:
-                self._faults[name] = error.faults
-                continue
-            with self._lock:
-                self._axes[name].configure(new)
-                self._inputs.wire(name, self._topics(name))
-
-    def _values(self, axis: str) -> dict[str, object]:
-        """Return those parameters of an axis that are set, without its topics."""
-        values = {name: self.get_parameter(f'{axis}.{name}').value for name in AXIS_SPECS}
-        return {name: value for name, value in values.items()
-                if value is not None and name not in TOPICS}
-
-    def _topics(self, axis: str) -> dict[Input, str]:
-        return {source: self.get_parameter(f'{axis}.{name}').value
-                for name, source in TOPICS.items()}
+    def take(self, name: str, value: Any) -> None:
+        """Take a new value of one of the node's own parameters."""
+        if name == 'home_sequence':
+            self._dispatch.groups = home_sequence(list(value or []), list(self._axes))
+        elif name == 'cycle_timeout':
+            self._cycle_timeout = float(value)
 
     # ------------------------------------------------------------------------------------- cycle
 

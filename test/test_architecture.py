@@ -26,7 +26,8 @@ PURE = {
     'collections', 'dataclasses', 'difflib', 'enum', 'functools', 'itertools', 'math', 're',
     'statistics', 'types', 'typing'}
 #: The ROS shell: the only modules that know ROS.
-SHELL = {'node', 'inputs', 'services', 'reports', 'convert', 'simulation_node', 'client'}
+SHELL = {'node', 'configured_node', 'inputs', 'services', 'reports', 'convert',
+         'simulation_node', 'client'}
 #: What the node uses besides the core and its own shell.
 OF_THE_NODE = {'timebase', 'check', 'layout'}
 ROS = {'rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'homing_interfaces', 'rcl_interfaces',

@@ -522,6 +522,18 @@ def test_new_parameters_keep_what_is_known():
     assert made.unknown_inputs == (Input.HOME_SWITCH,)
 
 
+def test_a_run_keeps_its_parameters():
+    made = rig('HS').rehearsal()
+    made.axis.home(made.time)
+    made.cycle()
+    profile = made.axis.profile
+    with pytest.raises(RuntimeError, match='axis x is homing'):
+        made.axis.configure(rig('HS', homing_velocity_fast=0.1).parameters())
+    assert made.axis.profile is profile
+    made.finish()
+    assert made.axis.homed
+
+
 def test_a_new_direction_turns_the_feedback():
     made = rig('HS').rehearsal()
     made.home()

@@ -47,6 +47,10 @@ def send(client, *axes):
 def test_a_goal_homes_axes_in_sequence(client):
     setpoints = client.record(JointTrajectory, 'setpoints')
     _, feedback, ended = send(client, 'a', 'b')
+    client.until(lambda: setpoints)
+    waiting = client.set(a__homing_velocity_fast=0.04)  # a waits for b: its run has them already
+    assert not waiting.successful
+    assert waiting.reason.startswith('a.homing_velocity_fast: axis a: ~/home (action) is homing')
     end = client.answer(ended)
     assert end.status == GoalStatus.STATUS_SUCCEEDED
     assert end.result.success

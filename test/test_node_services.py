@@ -377,7 +377,7 @@ def test_a_parameter_takes_effect_at_the_next_run(client, setpoints):
     ros.at_speed(client, setpoints, 'long')
     result = client.set(long__homing_velocity_fast=0.02)
     assert not result.successful
-    for part in ('long.homing_velocity_fast', 'axis long is homing', 'HSSearch'):
+    for part in ('long.homing_velocity_fast', 'axis long: ~/long/home is homing', 'HSSearch'):
         assert part in result.reason, result.reason
     assert client.set(y__homing_velocity_fast=0.04).successful  # the other axis is idle
     assert client.set(y__homing_velocity_fast=0.05).successful
