@@ -84,12 +84,12 @@ class Track:
 
         ``since`` is when it was told to turn; until the furthest sample since then it travels on.
         The turning point lies where a parabola through that sample and its neighbours has its
-        vertex; None until the next sample has come.
+        vertex; None until the feedback has turned (a coarse encoder shows equal samples before).
         """
         samples = list(self.samples)
         at = furthest = len(samples) - 1
         while at >= 0 and samples[at][0] >= since:
-            if (samples[at][1] - samples[furthest][1]) * way <= 0.0:
+            if (samples[at][1] - samples[furthest][1]) * way < 0.0:
                 furthest = at
             at -= 1
         if samples[furthest][0] < since:

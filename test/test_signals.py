@@ -191,6 +191,14 @@ def test_while_it_overruns_only_its_newest_stretch_is_unknown():
     assert TURNING.way_at(1.05, overrunning) is None
 
 
+@pytest.mark.parametrize('last', range(4, 20))
+def test_equal_samples_are_no_turn(last):
+    """A coarse encoder, 1 count every 4 samples: the axis still goes the old way."""
+    steps = track(*((0.1 * i, i // 4) for i in range(last)))
+    leg = Leg(Way.AWAY, 0.0, 0.0, since=0.15, before=Way.TOWARD)
+    assert leg.way_at(0.1 * (last - 1), steps) is None
+
+
 # -- a switch -----------------------------------------------------------------------------------
 
 
