@@ -34,6 +34,13 @@ class Limit(NamedTuple):
         side = 'ahead' if self.way is Way.TOWARD else 'behind'
         return f'{self.input.text} ({side})'
 
+    @property
+    def bars_home(self) -> bool:
+        """Whether it ends a motion into it that would go to the home position."""
+        if self.role is Role.NORMAL:
+            return self.action is not None
+        return self.role is not Role.IGNORED
+
 
 def ls_action(ls_type: LSType, parameters: AxisParameters) -> Action | None:
     """Return what an LS Type does (WMX3 manual, LS Type)."""
@@ -113,9 +120,8 @@ class LimitSwitches:
     def blocking(self, way: Way, home: bool, feedback: float) -> Limit | None:
         """Return the limit that forbids a motion that way; ``home``: to the home position."""
         for limit in self._limits.values():
-            forbids = home or (limit.role is Role.NORMAL and limit.action is not None)
-            if (limit.way is way and limit.role is not Role.IGNORED and forbids
-                    and self._reached(limit, feedback)):
+            bars = limit.bars_home if home else limit.role is Role.NORMAL and limit.action
+            if limit.way is way and bars and self._reached(limit, feedback):
                 return limit
         return None
 

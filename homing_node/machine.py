@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from .events import CONDITIONS, Event
+from .flags import FlagEnds
 from .latches import Latches
 from .limits import Action, Limit, LimitSwitches
 from .motions import Kind, Way
@@ -79,7 +80,7 @@ class Machine:
         self._turnoff: Turnoff | None = None
         self._further = False  # the homing reverse distance has a target
         self._reversed = False  # the one reversal is used up
-        self._last_toward: dict[tuple[Input, bool], Edge] = {}
+        self._flags = FlagEnds(parameters)
         self._latches = Latches(parameters)
         self.passes = Passes(parameters)
         self.index_margin: float | None = None
@@ -131,7 +132,7 @@ class Machine:
         have taken this one, that is undone: the earlier edge decides, however late it arrives.
         """
         if edge.way > 0:
-            self._last_toward[edge.input, edge.rises] = edge
+            self._flags.add(edge)
         self._limits.remember(edge)
         if self.stopping:
             return
@@ -147,6 +148,8 @@ class Machine:
             self._advance(event, edge)
         elif edge.rises and on and on in self.row.on and self._on(edge.input):
             self._advance(on, edge)
+        elif edge.rises and on is Event.LIMIT_AHEAD:
+            self.limit_rises(edge.input)  # the row that would have taken it has just ended
 
     def limit_rises(self, switch: Input) -> None:
         """Take a limit switch's rising edge at once, before its position is known.
@@ -154,7 +157,9 @@ class Machine:
         The reversal and the reference are left to :meth:`edge`; all else is decided here.
         """
         limit = self._limits.get(switch)
-        if limit is None or self._both_on() or self._taken_by_table(limit):
+        if limit is None or self._both_on() or limit.role is Role.IGNORED:
+            return
+        if not self.stopping and self._taken_by_table(limit):
             return
         velocity, action = self.profile.velocity, limit.action
         ahead, into = limit.way is Way.TOWARD, velocity * limit.way > 0.0
@@ -169,10 +174,10 @@ class Machine:
                     Error.LSTriggered, f'the {limit.name} rose while the axis moved toward',
                     'are the limit inputs swapped, or is home_direction wrong?'), action)
         elif ahead and into and self._braking:
-            another = getattr(self._cause, 'input', None) is not switch
-            if another and action and action.deceleration is not None:
-                self.profile.brake_harder(action.deceleration)
-        elif (acts or self._heads(limit.way)) and (action or self.row.motion.kind is Kind.HOME):
+            if action and getattr(self._cause, 'input', None) is not switch:
+                self.profile.brake_harder(action.deceleration or self.parameters.ls_dec)
+        elif (acts or self._heads(limit.way)) and (
+                action or (limit.bars_home and self.row.motion.kind is Kind.HOME)):
             again = ' for the second time in this run' if self._reversed and ahead else ''
             self._fail(Fault(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
 
@@ -399,21 +404,12 @@ class Machine:
         return None, None, None
 
     def _counts(self, edge: Edge, row: Row) -> bool:
-        """Tell whether an edge was seen traveling the row's way, at the end of the flag it means.
-
-        Going away it must lie no further toward than the same end of the flag did going toward
-        (where it had the opposite sense); going toward, a fall right behind its rise is a bounce.
-        """
+        """Tell whether an edge was passed the row's way, at the end of the flag that it means."""
         if edge.way * row.motion.way <= 0:
             return False
-        twin = self._last_toward.get((edge.input, not edge.rises))
-        p = self.parameters
-        if twin is None:
-            return True
         if row.motion.way is Way.TOWARD:
-            return edge.rises or edge.position > twin.position + p.bounce_distance
-        unsure = twin.uncertainty + edge.uncertainty
-        return edge.position <= twin.position + p.edge_agreement + unsure
+            return edge.rises or not self._flags.bounces(edge)
+        return self._flags.came_in_at(edge)
 
     def _holds(self, condition: Event) -> bool:
         if condition is Event.HS_ON:
@@ -423,11 +419,10 @@ class Machine:
         return self._limits.reversing(self.feedback)
 
     def _taken_by_table(self, limit: Limit) -> bool:
-        """Tell whether a limit's rise is an arrow of the present row, or nothing."""
+        """Tell whether a limit's rise is an arrow of the present row."""
         if limit.role is Role.REVERSAL:
             return Event.LIMIT_AHEAD in self.row.on and not self._reversed
-        return limit.role is Role.IGNORED or (
-            limit.input is self._target and Event.LS_RISES in self.row.on)
+        return limit.input is self._target and Event.LS_RISES in self.row.on
 
     @property
     def _braking(self) -> bool:

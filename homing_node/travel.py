@@ -95,8 +95,9 @@ class Rules:
         self._wrong_direction = parameters.wrong_direction_limit
         self._following_error = parameters.following_error_limit
         if parameters.homes_on_mechanical_end:  # the command turns from behind the end
-            self._following_error = max(
-                self._following_error, 2.0 * parameters.mechanical_end_detection_pos_diff)
+            behind = (parameters.mechanical_end_detection_pos_diff
+                      + parameters.homing_velocity_slow * parameters.mechanical_end_detection_time)
+            self._following_error = max(self._following_error, 2.0 * behind)
         self._following = self.distance = math.inf
         self._missed = ''
         self._bound = Bound.SEARCH

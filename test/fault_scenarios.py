@@ -130,6 +130,13 @@ def _(d):
     return homed(HSHS, d, f.bounces(HS), start=0.063)
 
 
+@case('2', 'bounce at the far end of an overrun flag',
+      'HSReverseZPulse; the axis overruns a flag of 1.2 mm', home=0.0533)
+def _(d):
+    one = rig('HSReverseZPulse').switched(**{HS: SwitchLayout(0.06, 0.0612)})
+    return homed(one, d, f.bounces(HS, every=0.0002))
+
+
 @case('3', 'noise shorter than the debounce', '5 pulses of 2 ms, switch_debounce 5 ms', home=HERE)
 def _(d):
     noise = f.noise(HS, past(0.045 * d, d), 0.002, times=5, every=0.006)

@@ -14,7 +14,7 @@ CORE = [
     {'events', 'motions', 'signals', 'history', 'spec'},
     {'procedures'},
     {'parameters'},
-    {'configuration', 'limits', 'travel'},
+    {'configuration', 'flags', 'limits', 'travel'},
     {'latches', 'passes'},
     {'machine'},
     {'axis'},

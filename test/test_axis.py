@@ -3,9 +3,20 @@
 import dataclasses
 
 import pytest
-from core_rig import DIRECTIONS, HS, LIMIT_BEHIND, TRUE_HOME, error_of, home_of, rig
+from core_rig import (
+    DIRECTIONS,
+    HS,
+    LIMIT_AHEAD,
+    LIMIT_BEHIND,
+    TRUE_HOME,
+    error_of,
+    furthest,
+    home_of,
+    rig,
+)
 
 from homing_node.axis import SETTLE_TIMEOUT, Axis
+from homing_node.layout import SwitchLayout
 from homing_node.parameters import AxisParameters
 from homing_node.rehearsal import Transport
 from homing_node.states import Error, HomeType, Input, State
@@ -256,6 +267,25 @@ def test_a_fault_during_a_cancel_brakes_harder():
     assert error_of(course) is Error.Canceled
     assert max(s.acceleration for s in course.samples) <= 20
     assert min(s.acceleration for s in course.samples) < -8
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', ['HSHS', 'LS', 'ZPulse'])
+@pytest.mark.parametrize('ls_type', ['Dec', 'ServoOff'])
+def test_the_limit_that_a_search_waits_for_acts_on_a_cancel(home_type, ls_type, direction):
+    """What would have been the reversal or the reference is a limit for an axis that stops."""
+    one = rig(home_type, ls_type=ls_type, homing_velocity_slow=0.2, homing_velocity_slow_dec=0.2,
+              homing_velocity_fast_dec=0.2, multiple_z_pulse=100).switched(
+        **{LIMIT_AHEAD: SwitchLayout(0.04, 1.0)})
+    made = one.rehearsal(direction, 0.01)
+    made.axis.home(made.time)
+    while made.plant.position * direction < 0.039:
+        made.cycle()
+    made.axis.cancel()
+    course = made.finish()
+    assert error_of(course) is Error.Canceled
+    assert furthest(course, direction) < 0.04 + 0.006
+    assert made.axis.servo_on == (ls_type != 'ServoOff')
 
 
 def test_a_gentler_fault_does_not_soften_a_cancel():

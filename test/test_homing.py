@@ -1,9 +1,12 @@
 """Whole runs: the core against the simulated plant, for every type and both directions."""
 
+import math
+
 import pytest
 from core_rig import (
     DIRECTIONS,
     END,
+    END_TYPES,
     EXTERNAL_AHEAD,
     HS,
     HS_OFF_TYPES,
@@ -183,6 +186,33 @@ def test_a_momentary_limit_that_was_overrun_still_blocks_the_home_shift(directio
     course = one.home(direction)
     assert error_of(course) is Error.LSTriggered
     assert furthest(course, direction) < 0.07
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', [*REVERSING, *LIMIT_TYPES], ids=str)
+@pytest.mark.parametrize('width', [0.002, 0.006])
+def test_a_bounce_at_the_far_end_of_a_flag_that_is_overrun(home_type, direction, width):
+    """Neither is it where the axis came in, nor does it move that place."""
+    one = rig(home_type)
+    name, low = (HS, 0.06) if home_type in REVERSING else target_of(one)
+    one = one.switched(**{name: SwitchLayout(low, low + width)}).but(
+        homing_velocity_fast_acc=2, homing_velocity_fast_dec=2)  # it overruns by 10 mm
+    far = low + width
+    made = spoilt(one, lambda happening: bouncing()(happening) if abs(
+        happening.position * direction - far) < 1e-6 else (happening,), direction)
+    home = {'HSOff': far, 'HSOffZPulse': OFFSET + math.ceil((far - OFFSET) / PITCH) * PITCH,
+            'HSOffReverseZPulse': OFFSET + math.floor((far - OFFSET) / PITCH) * PITCH}
+    assert_homed(made.home(), home.get(home_type, TRUE_HOME[home_type]), direction)
+
+
+@BOTH_WAYS
+def test_a_flag_narrower_than_a_bounce_is_left_where_it_was_entered(direction):
+    """0.9 mm: less than what 5 ms of bouncing take at the fast velocity."""
+    one = rig('HSReverseZPulse', index_margin=0.0).switched(
+        **{HS: SwitchLayout(0.0601, 0.061)}).built(index_pitch=0.0004, index_offset=0.0001)
+    made = spoilt(one, lambda happening: bouncing(0.0002)(happening) if abs(
+        happening.position * direction - 0.061) < 1e-6 else (happening,), direction)
+    assert_homed(made.home(), 0.0597, direction)
 
 
 # -- the reversal (section 5) ---------------------------------------------------------------------
@@ -907,6 +937,15 @@ def test_the_mechanical_end_must_last(direction, duration):
     assert_homed(course, END, direction)
     assert course.duration - quick.duration == pytest.approx(
         duration * (1 + 0.05 / 0.2), abs=0.03)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', END_TYPES, ids=str)
+def test_the_command_may_come_back_from_far_behind_the_end(home_type, direction):
+    """It went on for the time of the detection, further than following_error."""
+    one = rig(home_type, mechanical_end_detection_time=1.0)
+    assert one.parameters().following_error_limit < 0.05
+    assert_homed(one.home(direction), TRUE_HOME[home_type], direction, more=1e-6)
 
 
 @BOTH_WAYS

@@ -1,7 +1,7 @@
 """The rules that hold in every row, one by one: the machine with switches set by hand."""
 
 import pytest
-from core_rig import HS, LIMIT_AHEAD, LIMIT_BEHIND, NEAR_AHEAD, rig
+from core_rig import HS, LIMIT_AHEAD, LIMIT_BEHIND, NEAR_AHEAD, error_of, furthest, rig
 
 from homing_node.events import Event
 from homing_node.layout import SwitchLayout
@@ -211,6 +211,43 @@ def test_a_limit_ahead_while_it_brakes_for_the_reference_ends_nothing():
         one.run(6)
         furthest.append(one.profile.position)
     assert furthest[0] < furthest[1]
+
+
+def furthest_past_a_limit(home_type, gap, ls_type='Dec', **flags):
+    """Return how far an axis goes past the limit that it meets in the overrun of its reference."""
+    one = rig(home_type, homing_velocity_fast_dec=0.5, ls_type=ls_type).switched(
+        **{LIMIT_AHEAD: SwitchLayout(0.06 + gap, 1.0), **flags})
+    course = one.home(start=0.03)
+    assert course.outcome.success, course.outcome.message
+    return furthest(course) - 0.06 - gap
+
+
+def test_a_limit_that_rises_in_the_same_cycle_as_the_reference_brakes_as_hard():
+    flag = {HS: SwitchLayout(0.06, 1.0)}
+    together, apart = (furthest_past_a_limit('HS', gap, **flag) for gap in (1e-5, 1e-3))
+    assert together < apart + 0.001  # a cycle of travel
+    assert together < 0.006
+
+
+def test_a_limit_that_switches_off_brakes_the_overrun_like_a_fault():
+    """The home stays good, so the servo stays on; but nothing is softer than ServoOff."""
+    flag = {NEAR_AHEAD: SwitchLayout(0.06, 1.0)}
+    off, dec, slow = (furthest_past_a_limit('NearLS', 0.002, ls_type, **flag)
+                      for ls_type in ('ServoOff', 'Dec', 'SlowDec'))
+    assert off == dec < slow < 0.012
+
+
+@pytest.mark.parametrize('on', [True, False], ids=['on', 'rising'])
+@pytest.mark.parametrize(('home_type', 'start', 'shift', 'flag'), [
+    ('CurrentPos', 0.05, 0.01, {LIMIT_AHEAD: SwitchLayout(0.055, 1.0)}),
+    ('HS', 0.05, -0.02, {LIMIT_BEHIND: SwitchLayout(-1.0, 0.045)})])
+def test_a_normal_limit_without_an_action_does_not_bar_the_home_shift(
+        home_type, start, shift, flag, on):
+    one = rig(home_type, home_shift_distance=shift, ls_type='None').switched(**flag)
+    if on and home_type == 'CurrentPos':
+        start = 0.06
+    assert error_of(one.home(start=start)) is Error.NoError
+    assert error_of(one.but(ls_type='Dec').home(start=start)) is Error.LSTriggered
 
 
 def test_unless_the_home_shift_goes_on_toward_it():
