@@ -16,8 +16,9 @@ from .machine import Machine
 from .motions import Way
 from .parameters import AxisParameters, switch_inputs
 from .profile import Profile
-from .signals import FALLBACK_DOUBT, Edge, Switch, Track
+from .signals import Edge, Switch, Track
 from .states import LIMIT_SWITCHES, Error, HomeType, Input, State
+from .travel import Fault
 
 #: Longest wait for the feedback to settle after the command has come to rest, s.
 SETTLE_TIMEOUT = 0.5
@@ -120,16 +121,14 @@ class Axis:
     # ------------------------------------------------------------------------------------- inputs
 
     def feedback(
-        self, time: float, position: float, arrival: float | None = None, sure: bool = True
+        self, time: float, position: float, arrival: float | None = None, doubt: float = 0.0
     ) -> None:
         """Take a feedback sample: its sampling time, raw position, and when it arrived.
 
-        A time that is not ``sure`` is that of the arrival.
+        ``doubt`` is how far the time may be wrong, s (0: it is a stamp that is believed).
         """
-        if self._track.append(time, self._sign * position):
+        if self._track.append(time, self._sign * position, doubt):
             self.arrival = time if arrival is None else arrival
-            if not sure:
-                self._track.doubted = time
 
     def switch(
         self,
@@ -137,11 +136,11 @@ class Axis:
         time: float,
         signal: bool,
         arrival: float | None = None,
-        sure: bool = True,
+        doubt: float = 0.0,
     ) -> None:
         """Take a level as it is on the wire, and its time; an input not wired is ignored.
 
-        A time that is not ``sure`` is that of the arrival.
+        ``doubt`` is how far the time may be wrong, s (0: it is a stamp that is believed).
         """
         known = self._switches.get(switch)
         if known is None:
@@ -149,7 +148,7 @@ class Axis:
         p = self.parameters
         edge = known.set(
             time - p.switch_latency, signal, time if arrival is None else arrival,
-            p.switch_stamp_error if sure else FALLBACK_DOUBT)
+            doubt or p.switch_stamp_error, not doubt)
         self._unsettled = self._unsettled or known.unsettled
         if edge is not None:
             self._take(edge)
@@ -428,15 +427,16 @@ class Axis:
                         sign * profile.acceleration)
 
     def _finish(self, now: float) -> Setpoint | None:
-        """End the run; a home waits until the feedback has settled."""
+        """End the run once the feedback has settled, too, where there is one."""
         machine = self.machine
         assert machine is not None
-        if not machine.stopping:
-            if self._settling_since is None:
-                self._settling_since = now
-            if (self._moved and now - self._settling_since < SETTLE_TIMEOUT
-                    and not self._settled(self._settling_since)):
-                return self._setpoint(now)
+        if self._settling_since is None:
+            self._settling_since = now
+        follows = self._moved and not machine.silent and (
+            now - self.arrival <= self.parameters.feedback_timeout)
+        if (follows and now - self._settling_since < SETTLE_TIMEOUT
+                and not self._settled(self._settling_since)):
+            return self._setpoint(now)
         self.outcome = self._outcome(machine)
         self.history.add(self.outcome.error, self.outcome.home_position_raw)
         self.homed = self.outcome.success
@@ -478,4 +478,4 @@ class Axis:
 
     def _fail(self, error: Error, text: str, action: Action | None = None) -> None:
         if self.machine is not None:
-            self.machine.fail(error, text, action)
+            self.machine.fail(Fault(error, text), action)

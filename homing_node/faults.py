@@ -311,11 +311,11 @@ class FaultyRehearsal(Rehearsal):
             found = stamps.believe(one.stamp, arrival) if stamps else None
             if found is None:
                 return
-            time, sure = found
+            time, doubt = found
             if stamps is not None and stamps.late:
                 error = Error.FeedbackStale if one.topic == FEEDBACK else Error.SwitchStale
                 self.axis.stop(error, too_late(one.topic, stamps))
             if one.topic != FEEDBACK:
-                self.axis.switch(Input(one.topic), time, bool(one.value), arrival, sure)
+                self.axis.switch(Input(one.topic), time, bool(one.value), arrival, doubt)
             elif isfinite(one.value):
-                self.axis.feedback(time, one.value, arrival, sure)
+                self.axis.feedback(time, one.value, arrival, doubt)

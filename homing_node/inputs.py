@@ -14,6 +14,10 @@ from .stamps import REORDERED, Stamps, too_late
 from .states import LATCHES, Error, Input
 from .timebase import TimeBase
 
+#: In simulated time an edge is as old as its way took, and it is seen at the next cycle: this many
+#: periods may lie between.
+UNSTAMPED = 2.0
+
 Info = Mapping[str, int]  # what the middleware tells of a message
 Subscribe = Callable[[Any, str, Any], Any]  # (message type, topic, QoS) -> a polled subscription
 Take = Callable[[], tuple[bytes, Info] | None]  # the next message that has arrived, serialized
@@ -156,12 +160,14 @@ class Inputs:
                 stamp = clock.time_of(info['source_timestamp'])
             found = wire.stamps.believe(stamp, arrival)
             if found is not None:
-                time, sure = found
+                time, doubt = found
                 if wire.stamps.late:
                     axis.stop(Error.SwitchStale, too_late(wire.name, wire.stamps))
-                axis.switch(wire.source, time, bool(value), arrival, sure)
-                if not sure:
+                if doubt:
                     axis.warn(f'{wire.name}: {wire.stamps.warning}')
+                elif clock.simulated:
+                    doubt = UNSTAMPED * axis.period
+                axis.switch(wire.source, time, bool(value), arrival, doubt)
 
     def _take_emergency_stop(self, data: bytes, _: Info) -> None:
         value = convert.data_of(data, Bool)
@@ -174,22 +180,22 @@ class Inputs:
             return
         sampled, positions = read
         clock = self._clock
-        arrival = stamp = clock.now
+        arrival = sent = stamp = clock.now
         if not clock.simulated:
             arrival = clock.time_of(info['received_timestamp'])
-            stamp = clock.time_of(info['source_timestamp'])
+            sent = stamp = clock.time_of(info['source_timestamp'])
         if sampled:
             stamp = clock.time_of(sampled)
         for joint, position in positions:
             if joint in self._by_joint:
                 axis, stamps = self._by_joint[joint]
-                found = stamps.believe(stamp, arrival)
+                found = stamps.believe(stamp, arrival, sent)
                 if found is not None:
-                    time, sure = found
+                    time, doubt = found
                     if stamps.late:
                         axis.stop(Error.FeedbackStale, too_late('joint_states', stamps))
-                    axis.feedback(time, position, arrival, sure)
-                    if not sure:
+                    axis.feedback(time, position, arrival, doubt)
+                    if doubt:
                         axis.warn(f'joint_states: {stamps.warning}')
 
 

@@ -170,7 +170,7 @@ class Machine:
                 self._act(action)
         elif not ahead and velocity > 0.0:
             if not self._limits.bounces(switch, self.feedback):
-                self._fail(Fault(
+                self.fail(Fault(
                     Error.LSTriggered, f'the {limit.name} rose while the axis moved toward',
                     'are the limit inputs swapped, or is home_direction wrong?'), action)
         elif ahead and into and self._braking:
@@ -179,7 +179,7 @@ class Machine:
         elif (acts or self._heads(limit.way)) and (
                 action or (limit.bars_home and self.row.motion.kind is Kind.HOME)):
             again = ' for the second time in this run' if self._reversed and ahead else ''
-            self._fail(Fault(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
+            self.fail(Fault(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
 
     def limit_falls(self, switch: Input) -> None:
         """Remember where a limit was left, so that its bounce is not taken for a hit."""
@@ -189,13 +189,14 @@ class Machine:
         """Take a latched position of the Z-pulse or the touch probe."""
         self._latches.add(source, position)
 
-    def fail(self, error: Error, message: str, action: Action | None = None) -> None:
+    def fail(self, fault: Fault, action: Action | None = None) -> None:
         """End the run with an error: a stop with ls_dec unless an action says otherwise.
 
         The first error stays; a stronger stop that comes later takes over.
         """
         if not self.stopping:
-            self.error, self.message = error, message
+            self.message = f'{fault.seen} in {self.state}' + (fault.hint and f'; {fault.hint}')
+            self.error = fault.error
             self._end_pause()
         self._act(action or Action(self.parameters.ls_dec))
 
@@ -233,7 +234,7 @@ class Machine:
             self._latches.forget()
         fault = self._rules.broken(self._leg, self.profile.position, feedback, now)
         if fault is not None:
-            self._fail(fault)
+            self.fail(fault)
             return
         while (event := self._happened()) and not self.paused:
             self._advance(event, self._found)
@@ -269,7 +270,7 @@ class Machine:
                 self.step, cause, self._cause, self._reversed, self.passes.coarse)
         if event is Event.LIMIT_AHEAD:
             if self._reversed:
-                self._fail(Fault(
+                self.fail(Fault(
                     Error.LSTriggered, 'a limit ahead was hit for the second time in this run',
                     'is the home switch between the limits, and does it hold its level?'))
                 return
@@ -283,7 +284,7 @@ class Machine:
         if step is HOME_SHIFT_MOVE and self.passes.fine:
             fault = self.passes.disagreement()
             if fault is not None:
-                self._fail(fault)
+                self.fail(fault)
                 return
             self.reference = self.passes.mean
         elif event is Event.HS_RISES and step is not HOME_SHIFT:
@@ -355,7 +356,7 @@ class Machine:
         way = self.row.motion.way
         found = self._latches.found(self.row.latches, origin, way, self.feedback)
         if isinstance(found, Fault):
-            self._fail(found)
+            self.fail(found)
             return None
         event, self._found = found or (None, self._found)
         if event is Event.Z_PULSE and isinstance(self._cause, Edge) and self._too_close(way):
@@ -372,7 +373,7 @@ class Machine:
         if action is IndexMarginAction.Warn:
             self.warn(f'{fault.seen}; {fault.hint}')
             return False
-        self._fail(fault)
+        self.fail(fault)
         return True
 
     def _end_detected(self) -> Event | None:
@@ -440,7 +441,7 @@ class Machine:
         if limit is None:
             return False
         seen = f'the {limit.name} is on; a motion into it is not started'
-        self._fail(Fault(Error.LSTriggered, seen), limit.action)
+        self.fail(Fault(Error.LSTriggered, seen), limit.action)
         return True
 
     def _both_on(self) -> bool:
@@ -448,7 +449,7 @@ class Machine:
         pair = self._limits.pair_on()
         if pair is None:
             return False
-        self._fail(Fault(
+        self.fail(Fault(
             Error.LimitsBothOn, f'{pair[0].text} and {pair[1].text} are on together',
             'wiring, or polarity (invert_..._ls_polarity)?'))
         return True
@@ -469,7 +470,3 @@ class Machine:
         if self.paused:
             self.paused = False
             self._rules.deadline += self.now - self._paused_at
-
-    def _fail(self, fault: Fault, action: Action | None = None) -> None:
-        hint = f'; {fault.hint}' if fault.hint else ''
-        self.fail(fault.error, f'{fault.seen} in {self.state}{hint}', action)

@@ -171,7 +171,7 @@ class AxisParameters:
     switch_latency: float = _duration(
         0.0, "the switch driver's own delay before publishing, taken off the edge's time")
     switch_stamp_error: float = _duration(
-        0.001, "how far a switch's stamp may be from its edge; for `uncertainty`")
+        0.002, "how far a switch's stamp may be from its edge; for `uncertainty`")
     feedback_timeout: float = _positive(0.2, 's', 'largest age of the feedback')
 
     following_error: float = _distance(

@@ -7,18 +7,15 @@ that time. All positions are in the axis's *toward* frame, all times in the call
 
 from collections import deque
 from itertools import islice, pairwise
+from math import inf
 
 from .states import LIMIT_SWITCHES, Input
 
 #: Samples kept of a track: 1 s of a 2 kHz feedback.
 TRACK_LENGTH = 2048
 
-#: How far the time of a sample or an edge may be wrong that has only its arrival, s.
-FALLBACK_DOUBT = 0.02
 #: Smallest uncertainty, m or rad: the rounding of what is computed.
 FINEST = 1e-9
-#: Samples in which a coarse encoder shows equal neighbours.
-GRAIN_SAMPLES = 20
 #: A change so soon after the last one is a bounce, s.
 BOUNCE_TIME = 0.005
 
@@ -29,20 +26,28 @@ Sample = tuple[float, float]
 class Track:
     """A recorded position over time, at most TRACK_LENGTH samples.
 
-    ``doubted`` is the time of the newest sample whose time is not its own stamp.
+    ``grain`` is the smallest step ever seen: of a coarse encoder its count, of any other next to
+    nothing. ``doubted`` is the time of the newest sample whose time may be wrong, ``doubt`` by how
+    much, s.
     """
 
-    __slots__ = ('samples', 'time', 'position', 'doubted')
+    __slots__ = ('samples', 'time', 'position', 'grain', 'doubted', 'doubt')
 
     def __init__(self) -> None:
         self.samples: deque[Sample] = deque(maxlen=TRACK_LENGTH)
         self.time = self.doubted = -1e300
-        self.position = 0.0
+        self.position = self.doubt = 0.0
+        self.grain = inf
 
-    def append(self, time: float, position: float) -> bool:
+    def append(self, time: float, position: float, doubt: float = 0.0) -> bool:
         """Record a sample; one that is not newer than the last is dropped (returns False)."""
         if time <= self.time:
             return False
+        step = abs(position - self.position)
+        if 0.0 < step < self.grain and self.samples:
+            self.grain = step
+        if doubt:
+            self.doubted, self.doubt = time, doubt
         self.samples.append((time, position))
         self.time, self.position = time, position
         return True
@@ -105,33 +110,18 @@ class Track:
         turn = _vertex(*samples[max(0, furthest - 1):furthest + 2])
         return way if time > turn else -way
 
-    def bend(self, time: float) -> float:
-        """Return how far the track may leave the straight line between two samples around a time.
-
-        Half of the largest second difference of the samples around it, two on each side: so much
-        for a corner, of an axis that stops within an interval; a parabola needs a quarter of that.
-        """
-        newer: deque[float] = deque(maxlen=2)
-        older: list[float] = []
-        for at, position in reversed(self.samples):
-            if at > time:
-                newer.append(position)
+    def near(self, time: float) -> list[Sample]:
+        """Return the samples around a time, two on each side as far as they are there."""
+        newer: deque[Sample] = deque(maxlen=2)
+        older: list[Sample] = []
+        for sample in reversed(self.samples):
+            if sample[0] > time:
+                newer.append(sample)
             elif len(older) < 2:
-                older.append(position)
+                older.append(sample)
             else:
                 break
-        near = [*newer, *older]
-        return max((abs(a - 2.0 * b + c) for a, b, c in zip(near, near[1:], near[2:],
-                                                           strict=False)), default=0.0) / 2.0
-
-    def grain(self, time: float) -> float:
-        """Return the count of a coarse encoder, as far as it shows before a time, else 0.
-
-        It shows where neighbours are equal among GRAIN_SAMPLES: the smallest change then.
-        """
-        before = (position for at, position in reversed(self.samples) if at <= time)
-        changes = [abs(b - a) for a, b in pairwise(islice(before, GRAIN_SAMPLES))]
-        return min(filter(None, changes), default=0.0) if 0.0 in changes else 0.0
+        return [*newer, *older]
 
     def spread(self, since: float) -> float:
         """Return max - min of the positions not older than a time."""
@@ -175,14 +165,17 @@ class Edge(Mark):
     """A level change: which input, when, which way it went, where, and how the axis traveled.
 
     ``way`` is the sign of the travel at the edge's time, ``order`` what to sort edges by: their
-    time, a limit before another switch. ``doubt`` is how far its time may be wrong, s.
+    time, a limit before another switch. ``doubt`` is how far its time may be wrong, s;
+    ``stamped``: that is a stamp that is believed.
     """
 
-    __slots__ = ('input', 'time', 'rises', 'way', 'order', 'doubt')
+    __slots__ = ('input', 'time', 'rises', 'way', 'order', 'doubt', 'stamped')
 
-    def __init__(self, switch: Input, time: float, rises: bool, doubt: float = 0.0) -> None:
+    def __init__(
+        self, switch: Input, time: float, rises: bool, doubt: float = 0.0, stamped: bool = True
+    ) -> None:
         super().__init__(0.0, resolved=False)
-        self.doubt = doubt
+        self.doubt, self.stamped = doubt, stamped
         self.input = switch
         self.time = time
         self.rises = rises
@@ -200,21 +193,28 @@ class Edge(Mark):
             return False
         (t0, p0), (t1, p1) = found
         self.position = p0 + (p1 - p0) * ((max(self.time, t0) - t0) / (t1 - t0))
-        self.uncertainty = self._uncertainty(track, abs(p1 - p0), t1 - t0)
+        self.uncertainty = self._uncertainty(track)
         self.resolved = track.samples[-2][0] >= self.time
         return True
 
-    def _uncertainty(self, track: Track, travel: float, interval: float) -> float:
+    def _uncertainty(self, track: Track) -> float:
         """Return what the edge's time and the line between two samples leave open, m.
 
-        With stamps that are believed at most the travel of one feedback interval (of a coarse
-        encoder one step).
+        The line is off by half of the largest second difference of the samples around it, where
+        the axis stops within an interval; a parabola needs a quarter of that. With stamps that are
+        believed it is at most the travel of one feedback interval (of a coarse encoder one count).
         """
-        grain = track.grain(self.time)
-        doubt = self.doubt + (FALLBACK_DOUBT if track.doubted >= self.time - interval else 0.0)
-        known = travel * doubt / interval + track.bend(self.time) + grain
-        most = known if doubt >= FALLBACK_DOUBT else max(travel, grain)
-        return max(min(known, most), FINEST)
+        near = track.near(self.time)
+        steps = [(t1 - t0, abs(p1 - p0)) for (t1, p1), (t0, p0) in pairwise(near)]
+        speed = max(step / interval for interval, step in steps)
+        bend = max((abs(a - 2.0 * b + c) for (_, a), (_, b), (_, c) in zip(
+            near, near[1:], near[2:], strict=False)), default=0.0) / 2.0
+        grain = track.grain if track.grain < inf else 0.0
+        doubt = track.doubt if track.doubted >= near[-1][0] else 0.0
+        known = speed * (self.doubt + doubt) + bend + grain
+        if self.stamped and not doubt:
+            known = min(known, max(grain, *(step for _, step in steps)))
+        return max(known, FINEST)
 
 
 class Switch:
@@ -225,7 +225,7 @@ class Switch:
     """
 
     __slots__ = ('input', 'inverted', 'debounce', 'level', 'seen', 'bounces',
-                 '_raw', '_first', '_last', '_heard', '_doubt')
+                 '_raw', '_first', '_last', '_heard', '_doubt', '_stamped')
 
     def __init__(self, switch: Input, inverted: bool = False, debounce: float = 0.0) -> None:
         self.input = switch
@@ -237,7 +237,7 @@ class Switch:
         self._raw: bool = False  # the newest level, believed or not
         self._first: float | None = None  # the first change since the level was last believed
         self._last = self._heard = -1e300  # the newest change, and its arrival
-        self._doubt = 0.0
+        self._doubt, self._stamped = 0.0, True
 
     @property
     def unsettled(self) -> bool:
@@ -245,11 +245,12 @@ class Switch:
         return self._first is not None
 
     def set(
-        self, time: float, signal: bool, arrival: float, doubt: float = 0.0
+        self, time: float, signal: bool, arrival: float, doubt: float = 0.0,
+        stamped: bool = True,
     ) -> Edge | None:
         """Take a message; return an edge that it (or the time that has passed) confirms.
 
-        ``doubt`` is how far its time may be wrong, s.
+        ``doubt`` and ``stamped`` are those of an edge.
         """
         self.seen = arrival
         level = signal != self.inverted
@@ -262,7 +263,7 @@ class Switch:
             if self._first is not None or time - self._last < BOUNCE_TIME:
                 self.bounces += 1
             if self._first is None:
-                self._first, self._doubt = time, doubt
+                self._first, self._doubt, self._stamped = time, doubt, stamped
             self._last, self._heard = time, arrival
         return confirmed or self._confirm(0.0)
 
@@ -280,7 +281,7 @@ class Switch:
         if self._raw == self.level:
             return None
         self.level = self._raw
-        return Edge(self.input, first, self.level, self._doubt)
+        return Edge(self.input, first, self.level, self._doubt, self._stamped)
 
     def forget(self) -> None:
         """Become unknown: the publisher is gone."""

@@ -1,13 +1,18 @@
 """Which stamps can be believed. Times in s of the receiver's clock; no clock is read here.
 
-A stamp in the future, too old, or running backwards is replaced by the arrival, so that two
-hosts whose clocks disagree give a larger uncertainty, never a wrong home.
+A stamp in the future, too old, or running backwards is replaced by the arrival, and one whose
+publisher's clock seems to be behind is corrected, so that two hosts whose clocks disagree give a
+larger uncertainty, never a wrong home.
 """
 
 import math
 
 #: How far a stamp may lie in the future: two synchronised clocks agree to this.
 AGREEMENT = 1e-3
+#: Even the quickest message of a publisher was on its way for longer: its clock is behind.
+BEHIND = 0.04
+#: How far a time may be wrong that is that of the arrival, s.
+FALLBACK_DOUBT = 0.02
 #: After a jump, stamps are believed again once their age is back within this of what it was.
 RETURNED = 5e-3
 #: Samples of feedback in a row that may have overtaken each other.
@@ -20,12 +25,13 @@ class Stamps:
     ``limit`` is the largest believable age; ``reorder`` how many stamps in a row may run
     backwards and are taken for messages that overtook each other (they are to be dropped).
     ``warning`` says why a stamp was not believed, '' while all are; ``replaced`` counts them;
-    ``smallest`` is the smallest arrival - stamp: the clock's offset plus the shortest latency.
+    ``smallest`` is the smallest arrival - stamp, ``offset`` the smallest arrival - sending: how
+    far the publisher's clock is behind, plus the shortest latency.
     ``late``: how late the last message was, where it was too late of a clock that was believed, s;
     its arrival is no time to home by. From then on that clock is taken for one that disagrees.
     """
 
-    __slots__ = ('limit', 'reorder', 'warning', 'replaced', 'smallest', 'late',
+    __slots__ = ('limit', 'reorder', 'warning', 'replaced', 'smallest', 'offset', 'late',
                  '_newest', '_backwards', '_jumped')
 
     def __init__(self, limit: float, reorder: int = 0) -> None:
@@ -33,14 +39,19 @@ class Stamps:
         self.reorder = reorder
         self.warning = ''
         self.replaced = 0
-        self.smallest = math.inf
+        self.smallest = self.offset = math.inf
         self.late = 0.0
         self._newest = -math.inf
         self._backwards = 0
         self._jumped = False
 
-    def believe(self, stamp: float, arrival: float) -> tuple[float, bool] | None:
-        """Return the time to use and whether it is the stamp; None: drop this message."""
+    def believe(
+        self, stamp: float, arrival: float, sent: float | None = None
+    ) -> tuple[float, float] | None:
+        """Return the time to use and how far it may be wrong (0: it is the stamp), s.
+
+        None: drop this message. ``sent`` is by the clock of the stamp, too; by default the stamp.
+        """
         age = arrival - stamp
         self.late = 0.0
         if stamp < self._newest:
@@ -64,9 +75,15 @@ class Stamps:
         else:
             self.warning = ''
             self.smallest = min(self.smallest, age)
-            return min(stamp, arrival), True
+            self.offset = min(self.offset, age if sent is None else arrival - sent)
+            if self.offset <= BEHIND:
+                return min(stamp, arrival), 0.0
+            self.warning = (f'messages take at least {self.offset:.3f} s, by their stamps; '
+                            'that clock was taken to be behind')
+            self.replaced += 1
+            return min(stamp + self.offset, arrival), self.offset
         self.replaced += 1
-        return arrival, False
+        return arrival, FALLBACK_DOUBT
 
 
 def too_late(name: str, stamps: Stamps) -> str:

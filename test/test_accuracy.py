@@ -8,7 +8,7 @@ from core_rig import HOME, PITCH, TRUE_HOME, error_of, home_of, rig, spoilt
 
 from homing_node.layout import SwitchLayout
 from homing_node.rehearsal import Transport
-from homing_node.signals import FALLBACK_DOUBT
+from homing_node.stamps import FALLBACK_DOUBT
 from homing_node.states import Error
 
 STAMP_ERROR = 1e-4
@@ -70,9 +70,11 @@ def test_a_command_that_freezes_at_the_edge_is_part_of_the_uncertainty(phase):
     assert error <= course.outcome.uncertainty <= 2.5e-3
 
 
-def test_a_coarse_encoder_is_part_of_the_uncertainty():
-    count = 2e-4
-    made = rig('HS').rehearsal()
+@pytest.mark.parametrize('count', [2e-4, 4e-4])
+@pytest.mark.parametrize('phase', range(5))
+def test_a_coarse_encoder_is_part_of_the_uncertainty(count, phase):
+    """Also where every sample is one count further, so that the track looks straight."""
+    made = rig('HS').rehearsal(start=0.05 + phase * 0.2 * count)
     exact = made.axis.feedback
     made.axis.feedback = lambda time, position, *more: exact(
         time, round(position / count) * count, *more)
@@ -98,7 +100,7 @@ def test_an_arrival_instead_of_a_stamp_is_less_certain_but_covers(source):
         index = 1 if source == 'switch' else 0
         arrival = values[-1]
         values[index] = arrival
-        take(*values, False)
+        take(*values, FALLBACK_DOUBT)
         made.axis.warn('stamps were replaced by the arrival')
 
     setattr(made.axis, source, arriving)

@@ -221,6 +221,30 @@ def test_cancel_while_the_axis_settles():
     assert not made.axis.homed
 
 
+@BOTH_WAYS
+@pytest.mark.parametrize('lag', [0.0, 0.005, 0.02])
+def test_a_stop_has_ended_when_the_axis_rests_not_when_the_command_does(lag, direction):
+    made = rig('HS').built(lag=lag).rehearsal(direction, 0.02)
+    made.axis.home(made.time)
+    for _ in range(20):
+        made.cycle()
+    made.axis.cancel()
+    course = made.finish()
+    rest = made.plant.position
+    assert_at_rest(made)
+    assert made.plant.position == pytest.approx(rest, abs=1e-5)
+    assert course.samples[-1].velocity == 0.0
+
+
+def test_without_feedback_no_stop_waits_for_it():
+    made = underway(following_error=1.0)
+    made.axis.feedback = lambda *_: None
+    course = made.finish()
+    assert error_of(course) is Error.FeedbackStale
+    resting = [sample for sample in course.samples if sample.velocity == 0.0]
+    assert resting[-1].time - resting[0].time < 0.01
+
+
 def test_homing_again_after_a_cancel():
     made = underway()
     made.axis.cancel()

@@ -208,7 +208,7 @@ def test_a_bounce_at_the_far_end_of_a_flag_that_is_overrun(home_type, direction,
 @BOTH_WAYS
 def test_a_flag_narrower_than_a_bounce_is_left_where_it_was_entered(direction):
     """0.9 mm: less than what 5 ms of bouncing take at the fast velocity."""
-    one = rig('HSReverseZPulse', index_margin=0.0).switched(
+    one = rig('HSReverseZPulse', index_margin=0.0, switch_stamp_error=0.0005).switched(
         **{HS: SwitchLayout(0.0601, 0.061)}).built(index_pitch=0.0004, index_offset=0.0001)
     made = spoilt(one, lambda happening: bouncing(0.0002)(happening) if abs(
         happening.position * direction - 0.061) < 1e-6 else (happening,), direction)

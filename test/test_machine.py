@@ -23,6 +23,7 @@ from homing_node.procedures import (
 from homing_node.profile import Profile
 from homing_node.signals import Edge, Switch
 from homing_node.states import Error, Input, State
+from homing_node.travel import Fault
 
 PERIOD = 0.004
 
@@ -290,11 +291,11 @@ def test_a_limit_behind_that_is_left_may_bounce():
 
 def test_the_first_error_stays():
     hand = Hand('HS').run()
-    hand.machine.fail(Error.CycleLate, 'late')
-    hand.machine.fail(Error.EmergencyStop, 'emergency stop')
+    hand.machine.fail(Fault(Error.CycleLate, 'late'))
+    hand.machine.fail(Fault(Error.EmergencyStop, 'emergency stop'))
     hand.machine.cancel()
     assert hand.error is Error.CycleLate
-    assert hand.machine.message == 'late'
+    assert hand.machine.message == 'late in HSSearch'
     assert hand.machine.state is State.HSSearch
 
 

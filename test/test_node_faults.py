@@ -88,9 +88,9 @@ def test_the_drive_reports_that_it_stopped_by_itself(tmp_path):
         setpoints = client.record(JointTrajectory, 'setpoints')
         future = client.start('x')
         ros.at_speed(client, setpoints, 'x')
+        enabled = client.record(Bool, 'x/servo_enabled')
         world.node.signal(signal.SIGSTOP)
-        stopped = time.monotonic()
-        client.until(lambda: time.monotonic() > stopped + 0.3)
+        client.until(lambda: enabled and not enabled[-1].message.data)
         world.node.signal(signal.SIGCONT)
         assert client.answer(future).message.startswith('ServoOff: axis x: ')
         assert client.trigger('x/home').message.startswith('ServoOff: axis x: ')
@@ -375,6 +375,18 @@ class Cell:
         if self.last is not None:
             assert abs(setpoint.position - self.last) <= 0.2 * self.PERIOD * (1 + 1e-6) + 1e-9
         self.last = setpoint.position
+
+
+def test_an_edge_in_simulated_time_is_no_better_than_its_cycle():
+    cell = Cell('HS')
+    cell.clock.simulated = True
+    taken = []
+    cell.axis.switch = lambda *edge: taken.append(edge)
+    cell.say('home_switch', Bool(data=True))
+    cell.cycle()
+    (source, at, level, arrival, doubt), = taken
+    assert (source, at, level, arrival) == (Input.HOME_SWITCH, cell.clock.now, True, at)
+    assert doubt == 2 * cell.PERIOD
 
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)

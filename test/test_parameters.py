@@ -69,7 +69,7 @@ DEFAULTS = {
     'clear_home_done_on_servo_off': True, 'clear_home_done_on_comm_stop': True,
     # beyond the table: accuracy
     'z_pulse_arm_delay': 0.0, 'index_margin': 0.1, 'index_margin_action': 'Warn',
-    'repeat': 1, 'repeat_tolerance': 0.0, 'switch_stamp_error': 0.001,
+    'repeat': 1, 'repeat_tolerance': 0.0, 'switch_stamp_error': 0.002,
 }
 RATIOS = ('z_pulse_distance_tolerance', 'index_margin')
 REALS = [name for name, spec in SPECS.items() if spec.kind is float]

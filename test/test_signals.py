@@ -89,10 +89,30 @@ def located(time, *samples):
 
 
 def test_the_position_is_interpolated_at_the_edges_own_time():
-    edge = located(1.25, (0.0, 0.0), (1.0, 1.0), (2.0, 3.0), (3.0, 9.0))
+    edge = located(1.25, (-1.0, 1e-9), (0.0, 0.0), (1.0, 1.0), (2.0, 3.0), (3.0, 9.0))
     assert edge.position == 1.5
-    assert edge.uncertainty == 2.0  # a corner: half of 9 - 2 * 3 + 1, which is the interval
+    assert edge.uncertainty == pytest.approx(2.0)  # a corner: half of 9 - 2 * 3 + 1
     assert edge.resolved
+
+
+def test_two_equal_samples_do_not_make_an_edge_certain():
+    """The feedback stood for an interval, of an axis that moves: the edge's time still counts."""
+    edge = Edge(HS, 2.5, True, doubt=0.5)
+    edge.locate(track((0.0, 0.0), (1.0, 1e-9), (2.0, 1.0), (3.0, 1.0), (4.0, 2.0)))
+    assert edge.uncertainty == pytest.approx(1.0)  # 0.5 s at 1 m/s and a corner: an interval
+
+
+def test_the_time_of_an_arrival_may_be_off_by_more_than_an_interval():
+    moving = track((0.0, 0.0), (1e-9, 1e-12), (1.0, 1.0), (2.0, 2.0), (3.0, 3.0))
+    for stamped, uncertainty in ((True, 1.0), (False, 5.0)):
+        edge = Edge(HS, 1.5, True, 5.0, stamped)
+        edge.locate(moving)
+        assert edge.uncertainty == pytest.approx(uncertainty, abs=1e-6)
+
+
+def test_the_count_of_an_encoder_is_its_smallest_step():
+    one = track((0.0, 0.3), (1.0, 0.3), (2.0, 0.5), (3.0, 0.6), (4.0, 0.9))
+    assert one.grain == pytest.approx(0.1)
 
 
 def test_an_edge_newer_than_the_feedback_is_extrapolated_until_it_is_covered():

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from homing_node.stamps import AGREEMENT, RETURNED, Stamps
+from homing_node.stamps import AGREEMENT, BEHIND, FALLBACK_DOUBT, RETURNED, Stamps
 from homing_node.timebase import STANDSTILL, TimeBase
 
 LIMIT = 0.2
@@ -12,51 +12,51 @@ LIMIT = 0.2
 
 def test_a_stamp_is_believed():
     stamps = Stamps(LIMIT)
-    assert stamps.believe(10.0, 10.003) == (10.0, True)
-    assert stamps.believe(10.1, 10.101) == (10.1, True)
+    assert stamps.believe(10.0, 10.003) == (10.0, 0.0)
+    assert stamps.believe(10.1, 10.101) == (10.1, 0.0)
     assert stamps.warning == ''
     assert stamps.replaced == 0
     assert stamps.smallest == pytest.approx(0.001)
 
 
 @pytest.mark.parametrize(('age', 'believed'), [
-    (0.0, True), (LIMIT - 1e-6, True), (LIMIT + 1e-6, False),
+    (0.0, True), (BEHIND - 1e-6, True), (LIMIT + 1e-6, False),
     (-AGREEMENT + 1e-6, True), (-AGREEMENT - 1e-6, False), (-3600.0, False), (3600.0, False)])
 def test_a_stamp_that_is_too_old_or_in_the_future_is_replaced(age, believed):
     stamps = Stamps(LIMIT)
-    used, was_stamp = stamps.believe(10.0 - age, 10.0)
-    assert was_stamp is believed
+    used, doubt = stamps.believe(10.0 - age, 10.0)
+    assert doubt == (0.0 if believed else FALLBACK_DOUBT)
     assert used == (min(10.0 - age, 10.0) if believed else 10.0)
     assert bool(stamps.warning) is not believed
     assert stamps.replaced == (not believed)
 
 
 def test_the_time_used_is_never_after_the_arrival():
-    assert Stamps(LIMIT).believe(10.0005, 10.0) == (10.0, True)
+    assert Stamps(LIMIT).believe(10.0005, 10.0) == (10.0, 0.0)
 
 
 def test_a_warning_ends_with_its_reason():
     stamps = Stamps(LIMIT)
     stamps.believe(9.0, 10.0)
     assert 'older than 0.2 s' in stamps.warning
-    assert stamps.believe(10.1, 10.1) == (10.1, True)
+    assert stamps.believe(10.1, 10.1) == (10.1, 0.0)
     assert stamps.warning == ''
     assert stamps.replaced == 1
 
 
 def test_messages_that_overtook_each_other_are_dropped():
     stamps = Stamps(LIMIT, reorder=2)
-    assert stamps.believe(10.002, 10.003) == (10.002, True)
+    assert stamps.believe(10.002, 10.003) == (10.002, 0.0)
     assert stamps.believe(10.001, 10.003) is None
     assert stamps.believe(10.0, 10.003) is None
-    assert stamps.believe(10.004, 10.005) == (10.004, True)
+    assert stamps.believe(10.004, 10.005) == (10.004, 0.0)
     assert stamps.believe(10.001, 10.006) is None  # counted anew
 
 
 def test_without_reordering_a_backward_stamp_is_a_jump():
     stamps = Stamps(LIMIT)
-    assert stamps.believe(10.0, 10.001) == (10.0, True)
-    assert stamps.believe(9.95, 10.002) == (10.002, False)
+    assert stamps.believe(10.0, 10.001) == (10.0, 0.0)
+    assert stamps.believe(9.95, 10.002) == (10.002, FALLBACK_DOUBT)
     assert 'ran backwards' in stamps.warning
 
 
@@ -64,15 +64,35 @@ def test_a_clock_that_was_set_back_is_believed_once_it_has_returned():
     """Set back by 0.1 s: within the limit, yet each stamp would be 0.1 s wrong."""
     stamps = Stamps(LIMIT, reorder=2)
     for i in range(10):
-        assert stamps.believe(i * 0.002, i * 0.002 + 0.0003)[1]
+        assert stamps.believe(i * 0.002, i * 0.002 + 0.0003) == (i * 0.002, 0.0)
     found = [stamps.believe(i * 0.002 - 0.1, i * 0.002 + 0.0003) for i in range(10, 40)]
     assert found[:2] == [None, None]
-    assert all(used == i * 0.002 + 0.0003 and not believed
-               for i, (used, believed) in enumerate(found[2:], 12))
-    used, believed = stamps.believe(1.0, 1.0 + 0.0003 + 0.9 * RETURNED)
-    assert believed
-    assert used == 1.0
+    assert found[2:] == [(i * 0.002 + 0.0003, FALLBACK_DOUBT) for i in range(12, 40)]
+    assert stamps.believe(1.0, 1.0 + 0.0003 + 0.9 * RETURNED) == (1.0, 0.0)
     assert stamps.smallest == pytest.approx(0.0003)
+
+
+@pytest.mark.parametrize('behind', [BEHIND, 0.1, LIMIT - 0.002])
+def test_a_clock_that_is_behind_is_corrected_and_doubted(behind):
+    """Too little for a stamp that is too old: only the quickest message shows it."""
+    stamps = Stamps(LIMIT)
+    for sent, latency in ((1.0, 0.0015), (1.1, 0.001), (1.2, 0.0012)):
+        used, doubt = stamps.believe(sent - behind, sent + latency)
+    assert used == pytest.approx(1.2 + 0.001)  # off by the shortest latency
+    assert doubt == pytest.approx(behind + 0.001)
+    assert f'at least {behind + 0.001:.3f} s' in stamps.warning
+
+
+def test_one_quick_message_shows_that_the_others_were_slow():
+    stamps = Stamps(LIMIT)
+    assert stamps.believe(1.0, 1.1)[1] > 0.0
+    assert stamps.believe(1.1, 1.101) == (1.1, 0.0)
+    assert stamps.believe(1.2, 1.25) == (1.2, 0.0)
+
+
+def test_a_sample_may_be_older_than_its_message():
+    """A driver that samples and sends later says so with its stamps."""
+    assert Stamps(LIMIT).believe(1.0, 1.101, sent=1.1) == (1.0, 0.0)
 
 
 # ----------------------------------------------------------------------------------- timebase
