@@ -340,6 +340,14 @@ class Axis:
     def raw_position(self) -> float:
         return self._sign * self._track.position
 
+    @property
+    def home_position_raw(self) -> float:
+        """Where the reference was taken, raw: in the run that is on, else in the last one."""
+        machine = self.machine
+        if machine is not None and machine.reference is not None:
+            return self._sign * machine.reference.position
+        return self.outcome.home_position_raw
+
     # ------------------------------------------------------------------------------------- inside
 
     @property

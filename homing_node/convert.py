@@ -176,7 +176,7 @@ def axis_state(stamp: int, axis: Axis) -> AxisState:
         axis=axis.name, state=str(axis.state), paused=axis.paused, homed=bool(axis.homed),
         error=str(axis.error), message=axis.message, position=float(axis.position),
         home_offset=float(outcome.home_offset),
-        home_position_raw=float(outcome.home_position_raw),
+        home_position_raw=float(axis.home_position_raw),
         uncertainty=float(outcome.uncertainty))
     message.header.stamp = to_stamp(stamp)
     return message

@@ -557,6 +557,19 @@ def test_homed_ends_with_the_next_start():
     assert made.axis.message == made.axis.outcome.message
 
 
+@BOTH_WAYS
+def test_the_captured_edge_is_told_as_soon_as_it_is_taken(direction):
+    made = rig('HS').rehearsal(direction)
+    made.axis.home(made.time)
+    while made.axis.state is not State.HomeShift:
+        assert made.axis.home_position_raw == 0.0
+        made.cycle()
+    assert not made.axis.homed
+    assert made.axis.home_position_raw == pytest.approx(0.06 * direction, abs=1e-3)
+    made.finish()
+    assert made.axis.home_position_raw == made.axis.outcome.home_position_raw
+
+
 def test_a_refused_request_leaves_the_home():
     made = rig('HS').rehearsal()
     made.home()
