@@ -64,7 +64,7 @@ class Dispatch:
         listed = {name for group in self.groups for name in group}
         groups = [*self.groups, *((name,) for name in names if name not in listed)]
         wanted = [tuple(name for name in group if name in names) for group in groups]
-        request = Request([group for group in wanted if group], self._axes, owner)
+        request = Request(filter(None, wanted), self._axes, owner, self._unready)
         request.start(now)
         self._active.append((request, Answer()))
         return request

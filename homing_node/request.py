@@ -5,22 +5,29 @@ request of one group with one axis. No clock, no ROS: :meth:`Request.update` is 
 cycle, after the axes.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from .axis import Axis, Outcome
 from .states import Error
 
 
 class Request:
-    """One request: which axes, in which groups, and how each of them ended."""
+    """One request: which axes, in which groups, and how each of them ended.
+
+    ``unready`` tells why an axis cannot home now for a reason that the axis does not know.
+    """
 
     def __init__(
-        self, groups: Iterable[Sequence[str]], axes: Mapping[str, Axis], owner: str
+        self,
+        groups: Iterable[Sequence[str]],
+        axes: Mapping[str, Axis],
+        owner: str,
+        unready: Callable[[str], Outcome | None],
     ) -> None:
         self.groups = [tuple(group) for group in groups]
         self.owner = owner
         self.outcomes: dict[str, Outcome] = {}
-        self._axes = axes
+        self._axes, self._unready = axes, unready
         self._waiting = list(self.groups)
         self._running: tuple[str, ...] = ()
 
@@ -69,7 +76,8 @@ class Request:
     def _start_next(self, now: float) -> None:
         while self._waiting and not self._running:
             group = self._waiting.pop(0)
-            refusals = {name: self._axes[name].refusal(now) for name in group}
+            refusals = {name: self._unready(name) or self._axes[name].refusal(now)
+                        for name in group}
             refused = [name for name, refusal in refusals.items() if refusal is not None]
             for name in group:
                 refusal = refusals[name]

@@ -7,6 +7,7 @@ import ros_harness as ros
 from action_msgs.msg import GoalStatus
 from homing_interfaces.action import Home
 from rclpy.action import ActionClient
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -16,10 +17,10 @@ LONG = {'hard_stops': [-0.005, 1.005], 'positive_limit_switch': [1.0, 1.2],
 
 @pytest.fixture(scope='module')
 def world(tmp_path_factory):
-    axes = {'long': {'travel': 1.0}, 'a': {}, 'b': {'home_type': 'HS'}}
+    axes = {'long': {'travel': 1.0}, 'a': {}, 'b': {'home_type': 'HS'}, 'two': {}}
     with ros.World(tmp_path_factory.mktemp('action'),
                    ros.node_parameters(axes, home_sequence=['b', 'a']),
-                   ros.plant_parameters({'long': LONG, 'a': {}, 'b': {}})) as world:
+                   ros.plant_parameters({**{axis: {} for axis in axes}, 'long': LONG})) as world:
         client = world.client
         client.homing = ActionClient(client.node, Home, client.name('home'))
         client.until(client.homing.server_is_ready)
@@ -101,13 +102,26 @@ def test_a_goal_that_cannot_run_says_why(client):
     ros.at_speed(client, setpoints, 'long')
     for axes, start in (((), 'Busy: axis long: ~/long/home is homing'),
                         (('a', 'long'), 'Busy: axis long: ~/long/home is homing'),
-                        (('a', 'q'), "UnknownAxis: 'q' is none of the axes long, a, b")):
+                        (('a', 'q'), "UnknownAxis: 'q' is none of the axes long, a, b, two")):
         end = client.answer(send(client, *axes)[2], 3.0)
         assert end.status == GoalStatus.STATUS_ABORTED
         assert not end.result.success
         assert end.result.message.startswith(start), end.result.message
     assert not future.done()
     assert {joint for heard in setpoints for joint in heard.message.joint_names} == {'long'}
+
+
+def test_an_axis_whose_turn_comes_when_its_switch_has_two_publishers(client):
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    _, _, ended = send(client, 'a', 'b', 'two')
+    client.until(lambda: setpoints)
+    another = client.node.create_publisher(Bool, client.name('two/home_switch'), 1)
+    end = client.answer(ended)
+    client.node.destroy_publisher(another)
+    assert end.status == GoalStatus.STATUS_ABORTED
+    assert end.result.message.startswith('PublisherConflict: axis two: '), end.result.message
+    assert [state.homed for state in end.result.states] == [True, True, False]
+    assert 'two' not in {joint for h in setpoints for joint in h.message.joint_names}
 
 
 def test_two_goals_for_different_axes(client):

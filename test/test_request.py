@@ -43,6 +43,10 @@ def axes():
     return {name: FakeAxis(name) for name in 'xyz'}
 
 
+def ready(name):
+    return None
+
+
 def running(axes):
     return ''.join(name for name, axis in axes.items() if axis.running)
 
@@ -52,7 +56,7 @@ def errors(request):
 
 
 def test_groups_one_after_another(axes):
-    request = Request([['z'], ['x', 'y']], axes, 'owner')
+    request = Request([['z'], ['x', 'y']], axes, 'owner', ready)
     assert request.names == ('z', 'x', 'y')
     request.start(0.0)
     assert running(axes) == 'z'
@@ -73,7 +77,7 @@ def test_groups_one_after_another(axes):
 
 
 def test_one_that_fails_stops_its_group_and_later_ones_do_not_start(axes):
-    request = Request([['x', 'y'], ['z']], axes, 'owner')
+    request = Request([['x', 'y'], ['z']], axes, 'owner', ready)
     request.start(0.0)
     axes['x'].end(Error.LSTriggered)
     assert not request.update(0.1)
@@ -88,7 +92,7 @@ def test_one_that_fails_stops_its_group_and_later_ones_do_not_start(axes):
 
 def test_one_that_is_refused_keeps_its_whole_group_from_starting(axes):
     axes['y'].refused = Outcome(Error.SwitchUnknown, 'axis y: …')
-    request = Request([['x', 'y'], ['z']], axes, 'owner')
+    request = Request([['x', 'y'], ['z']], axes, 'owner', ready)
     request.start(0.0)
     assert request.done
     assert not any(axis.runs for axis in axes.values())
@@ -97,7 +101,7 @@ def test_one_that_is_refused_keeps_its_whole_group_from_starting(axes):
 
 
 def test_a_refusal_of_a_later_group(axes):
-    request = Request([['x'], ['y'], ['z']], axes, 'owner')
+    request = Request([['x'], ['y'], ['z']], axes, 'owner', ready)
     request.start(0.0)
     axes['y'].refused = Outcome(Error.FeedbackStale, 'axis y: …')
     axes['x'].end()
@@ -105,8 +109,19 @@ def test_a_refusal_of_a_later_group(axes):
     assert errors(request) == {'x': 'NoError', 'y': 'FeedbackStale', 'z': 'Canceled'}
 
 
+def test_what_only_the_node_knows_is_asked_as_each_group_starts(axes):
+    unready = {}
+    request = Request([['x'], ['y', 'z']], axes, 'owner', unready.get)
+    request.start(0.0)
+    unready['z'] = Outcome(Error.PublisherConflict, 'axis z: …')
+    axes['x'].end()
+    assert request.update(0.1)
+    assert not running(axes)
+    assert errors(request) == {'x': 'NoError', 'y': 'Canceled', 'z': 'PublisherConflict'}
+
+
 def test_cancel(axes):
-    request = Request([['x', 'y'], ['z']], axes, 'owner')
+    request = Request([['x', 'y'], ['z']], axes, 'owner', ready)
     request.start(0.0)
     request.cancel()
     assert (axes['x'].canceled, axes['y'].canceled, axes['z'].canceled) == (1, 1, 0)
@@ -118,7 +133,7 @@ def test_cancel(axes):
 
 
 def test_abandon(axes):
-    request = Request([['x', 'y'], ['z']], axes, 'owner')
+    request = Request([['x', 'y'], ['z']], axes, 'owner', ready)
     request.start(0.0)
     axes['x'].end()
     request.update(0.1)
