@@ -169,6 +169,13 @@ def _home_text(outcome: Outcome) -> str:
     return ' | warning: '.join([text, *outcome.warnings])
 
 
+def cancel_message(moving: Sequence[str], waiting: Sequence[str]) -> str:
+    """Tell what was canceled: axes that moved and rest now, and axes that waited to start."""
+    parts = [f'{what}: {", ".join(names)}'
+             for what, names in (('at rest', moving), ('not started', waiting)) if names]
+    return f'canceled, {"; ".join(parts)}' if parts else 'nothing to cancel'
+
+
 def axis_state(stamp: int, axis: Axis) -> AxisState:
     """Tell where an axis stands; while it stops after an error, that error already."""
     outcome = axis.outcome

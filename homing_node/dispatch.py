@@ -82,23 +82,25 @@ class Dispatch:
         """Return what to await for a request that was started."""
         return next(answer for active, answer in self._active if active is request)
 
-    def cancel(self, names: Sequence[str]) -> tuple[Sequence[str], Answer]:
-        """Stop some axes; return those that move, and what to await until they rest."""
+    def cancel(self, names: Sequence[str]) -> tuple[list[str], list[str], Answer]:
+        """Stop some axes; return those that move, those that wait, and what to await.
+
+        One that waits for its turn will not start.
+        """
         moving = [name for name in names if self._axes[name].running]
+        waiting = [name for name in names
+                   if any(request.waits(name) for request, _ in self._active)]
         for request, _ in self._active:
-            if set(request.names) <= set(names):
-                request.cancel()
-        for name in moving:
-            self._axes[name].cancel()
+            request.cancel(names)
         answer = Answer()
         self._canceling.append((moving, answer))
-        return moving, answer
+        return moving, waiting, answer
 
     def close(self) -> None:
         """Cancel everything and refuse what comes."""
         self.closed = True
         for request, _ in self._active:
-            request.cancel()
+            request.cancel(request.names)
 
     def abandon(self, reason: str) -> None:
         """Answer everyone now, though the axes are not at rest; no update may follow."""

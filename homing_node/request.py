@@ -1,11 +1,11 @@
 """Homing of several axes: groups in order, the axes of a group together.
 
-One axis that fails stops its group; later groups are not started. A request for one axis is a
-request of one group with one axis. No clock, no ROS: :meth:`Request.update` is called once a
-cycle, after the axes.
+One axis that fails, is refused or was canceled stops its group; later groups are not started. A
+request for one axis is a request of one group with one axis. No clock, no ROS:
+:meth:`Request.update` is called once a cycle, after the axes.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from .axis import Axis, Outcome
 from .states import Error
@@ -30,6 +30,7 @@ class Request:
         self._axes, self._unready = axes, unready
         self._waiting = list(self.groups)
         self._running: tuple[str, ...] = ()
+        self._canceled: set[str] = set()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -44,20 +45,26 @@ class Request:
     def success(self) -> bool:
         return self.done and all(outcome.success for outcome in self.outcomes.values())
 
+    def waits(self, name: str) -> bool:
+        """Whether the turn of an axis is still to come."""
+        return any(name in group for group in self._waiting)
+
     def start(self, now: float) -> None:
         """Start the first group."""
         self._start_next(now)
 
-    def cancel(self) -> None:
-        """Stop what runs; later groups are not started."""
+    def cancel(self, names: Collection[str]) -> None:
+        """Stop those axes that run; those that wait are refused when their turn comes."""
+        self._canceled.update(names)
         for name in self._running:
-            self._axes[name].cancel()
-        self._drop_waiting(Error.Canceled, 'not started: the request was canceled')
+            if name in names:
+                self._axes[name].cancel()
 
     def abandon(self, reason: str) -> None:
-        """Take what still runs for canceled, for a reason."""
-        for name in self._running:
-            self.outcomes[name] = Outcome(Error.Canceled, f'axis {name}: {reason}')
+        """Take what has not ended for canceled, for a reason."""
+        for name in self.names:
+            self.outcomes.setdefault(name, self._cancellation(name, reason))
+        self._waiting.clear()
         self._running = ()
 
     def update(self, now: float) -> bool:
@@ -74,36 +81,35 @@ class Request:
         return self.done
 
     def _start_next(self, now: float) -> None:
-        while self._waiting and not self._running:
-            group = self._waiting.pop(0)
-            refusals = {name: self._unready(name) or self._axes[name].refusal(now)
-                        for name in group}
-            refused = [name for name, refusal in refusals.items() if refusal is not None]
-            for name in group:
-                refusal = refusals[name]
-                if refusal is not None:
-                    self.outcomes[name] = refusal
-                elif refused:
-                    self.outcomes[name] = self._not_run(name, refused[0])
-                else:
-                    self._axes[name].home(now)
-            if refused:
-                self._stop_for(refused[0])
-            else:
-                self._running = group
+        if not self._waiting:
+            return
+        group = self._waiting[0]
+        refusals = {name: refusal for name in group
+                    if (refusal := self._refusal(name, now)) is not None}
+        if refusals:
+            self.outcomes.update(refusals)
+            self._stop_for(next(iter(refusals)))
+            return
+        del self._waiting[0]
+        self._running = group
+        for name in group:
+            self._axes[name].home(now)
+
+    def _refusal(self, name: str, now: float) -> Outcome | None:
+        if name in self._canceled:
+            return self._cancellation(name, 'not started: canceled')
+        return self._unready(name) or self._axes[name].refusal(now)
 
     def _stop_for(self, failed: str) -> None:
-        """Stop the rest because an axis failed."""
+        """Stop what runs and start nothing more, because an axis was not homed."""
         for name in self._running:
             self._axes[name].cancel()
-        self._drop_waiting(Error.Canceled, f'not started: axis {failed} failed')
-
-    def _drop_waiting(self, error: Error, reason: str) -> None:
-        for group in self._waiting:
-            for name in group:
-                self.outcomes[name] = Outcome(error, f'axis {name}: {reason}')
+        reason = f'axis {failed} was not homed ({self.outcomes[failed].error})'
+        for name in (name for group in self._waiting for name in group):
+            why = 'canceled' if name in self._canceled else reason
+            self.outcomes.setdefault(name, self._cancellation(name, f'not started: {why}'))
         self._waiting.clear()
 
     @staticmethod
-    def _not_run(name: str, failed: str) -> Outcome:
-        return Outcome(Error.Canceled, f'axis {name}: not started: axis {failed} was refused')
+    def _cancellation(name: str, reason: str) -> Outcome:
+        return Outcome(Error.Canceled, f'axis {name}: {reason}')

@@ -46,11 +46,10 @@ class Services:
 
         async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             with self._lock:
-                moving, answer = self._dispatch.cancel(names)
+                moving, waiting, answer = self._dispatch.cancel(names)
             await answer
             response.success = True
-            response.message = (
-                f'canceled, at rest: {", ".join(moving)}' if moving else 'nothing to cancel')
+            response.message = convert.cancel_message(moving, waiting)
             return response
 
         return serve
@@ -106,7 +105,7 @@ class Services:
         with self._lock:
             request = self._goals.get(bytes(goal.goal_id.uuid))
             if request is not None:
-                request.cancel()
+                request.cancel(request.names)
 
     async def _home(
         self, names: Sequence[str], owner: str, key: bytes = b'', canceled: bool = False

@@ -106,8 +106,8 @@ def test_a_refused_axis_answers_at_the_next_cycle(dispatch, axes):
 
 def test_cancel_answers_at_rest(dispatch, axes):
     home = dispatch.answer(dispatch.home(['x'], 'me', 0.0))
-    moving, answer = dispatch.cancel(['x', 'y'])
-    assert moving == ['x']
+    moving, waiting, answer = dispatch.cancel(['x', 'y'])
+    assert (moving, waiting) == (['x'], [])
     assert axes['x'].canceled
     assert not dispatch.update(0.1)
     assert not answer.given
@@ -119,8 +119,8 @@ def test_cancel_answers_at_rest(dispatch, axes):
 
 
 def test_nothing_to_cancel_answers_at_the_next_cycle(dispatch):
-    moving, answer = dispatch.cancel(['x', 'y', 'z'])
-    assert moving == []
+    moving, waiting, answer = dispatch.cancel(['x', 'y', 'z'])
+    assert moving == waiting == []
     assert dispatch.update(0.1)
     assert answer.given
 
@@ -149,6 +149,19 @@ def test_to_cancel_all_leaves_nothing_to_start(dispatch, axes):
     assert not request.success
 
 
+def test_to_cancel_an_axis_that_waits(dispatch, axes):
+    """It never moves, though it rests already."""
+    request = dispatch.home(['x', 'y', 'z'], 'me', 0.0)
+    moving, waiting, answer = dispatch.cancel(['x'])
+    assert (moving, waiting) == ([], ['x'])
+    assert not dispatch.update(0.1) or answer.given
+    axes['z'].end()
+    assert dispatch.update(0.2)
+    assert not running(axes)
+    assert request.outcomes['z'].success
+    assert request.outcomes['x'] == Outcome(Error.Canceled, 'axis x: not started: canceled')
+
+
 def test_close(dispatch, axes):
     home = dispatch.answer(dispatch.home(['x', 'y', 'z'], 'me', 0.0))
     dispatch.close()
@@ -165,7 +178,7 @@ def test_close(dispatch, axes):
 
 def test_abandon(dispatch, axes):
     request = dispatch.home(['z'], 'me', 0.0)
-    home, (_, cancel) = dispatch.answer(request), dispatch.cancel(['z'])
+    home, (_, _, cancel) = dispatch.answer(request), dispatch.cancel(['z'])
     dispatch.abandon('because')
     assert home.given
     assert cancel.given

@@ -111,6 +111,18 @@ def test_a_goal_that_cannot_run_says_why(client):
     assert {joint for heard in setpoints for joint in heard.message.joint_names} == {'long'}
 
 
+def test_an_axis_that_waits_is_canceled(client):
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    _, _, ended = send(client, 'a', 'b')
+    client.until(lambda: setpoints)
+    assert client.trigger('a/cancel').message == 'canceled, not started: a'
+    end = client.answer(ended)
+    assert end.status == GoalStatus.STATUS_ABORTED
+    assert end.result.message == 'Canceled: axis a: not started: canceled'
+    assert end.result.states[1].homed
+    assert {joint for h in setpoints for joint in h.message.joint_names} == {'b'}
+
+
 def test_an_axis_whose_turn_comes_when_its_switch_has_two_publishers(client):
     setpoints = client.record(JointTrajectory, 'setpoints')
     _, _, ended = send(client, 'a', 'b', 'two')

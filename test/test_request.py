@@ -86,7 +86,8 @@ def test_one_that_fails_stops_its_group_and_later_ones_do_not_start(axes):
     assert request.update(0.2)
     assert axes['z'].runs == 0
     assert errors(request) == {'x': 'LSTriggered', 'y': 'Canceled', 'z': 'Canceled'}
-    assert request.outcomes['z'].message == 'axis z: not started: axis x failed'
+    assert request.outcomes['z'].message == (
+        'axis z: not started: axis x was not homed (LSTriggered)')
     assert not request.success
 
 
@@ -97,7 +98,9 @@ def test_one_that_is_refused_keeps_its_whole_group_from_starting(axes):
     assert request.done
     assert not any(axis.runs for axis in axes.values())
     assert errors(request) == {'x': 'Canceled', 'y': 'SwitchUnknown', 'z': 'Canceled'}
-    assert 'y was refused' in request.outcomes['x'].message
+    for name in 'xz':
+        assert request.outcomes[name].message == (
+            f'axis {name}: not started: axis y was not homed (SwitchUnknown)')
 
 
 def test_a_refusal_of_a_later_group(axes):
@@ -123,13 +126,29 @@ def test_what_only_the_node_knows_is_asked_as_each_group_starts(axes):
 def test_cancel(axes):
     request = Request([['x', 'y'], ['z']], axes, 'owner', ready)
     request.start(0.0)
-    request.cancel()
+    request.cancel(request.names)
     assert (axes['x'].canceled, axes['y'].canceled, axes['z'].canceled) == (1, 1, 0)
     axes['x'].end(Error.Canceled)
     axes['y'].end()  # it was just about to be homed
     assert request.update(0.1)
     assert errors(request) == {'x': 'Canceled', 'y': 'NoError', 'z': 'Canceled'}
-    assert request.outcomes['z'].message == 'axis z: not started: the request was canceled'
+    assert request.outcomes['z'].message == 'axis z: not started: canceled'
+
+
+def test_to_cancel_one_that_waits_stops_its_group_and_later_ones(axes):
+    request = Request([['x'], ['y', 'z'], ['w']], {**axes, 'w': FakeAxis('w')}, 'owner', ready)
+    request.start(0.0)
+    assert [name for name in 'xyzw' if request.waits(name)] == ['y', 'z', 'w']
+    request.cancel(['z'])
+    assert not any(axis.canceled for axis in axes.values())
+    axes['x'].end()
+    assert request.update(0.1)
+    assert not running(axes)
+    assert not any(request.waits(name) for name in 'xyzw')
+    assert {name: outcome.message for name, outcome in request.outcomes.items()} == {
+        'x': 'axis x: …', 'z': 'axis z: not started: canceled',
+        'y': 'axis y: not started: axis z was not homed (Canceled)',
+        'w': 'axis w: not started: axis z was not homed (Canceled)'}
 
 
 def test_abandon(axes):
@@ -137,7 +156,7 @@ def test_abandon(axes):
     request.start(0.0)
     axes['x'].end()
     request.update(0.1)
-    request.cancel()
+    request.cancel(request.names)
     request.abandon('because')
     assert request.done
     assert errors(request) == {'x': 'NoError', 'y': 'Canceled', 'z': 'Canceled'}
