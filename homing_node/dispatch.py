@@ -13,8 +13,8 @@ from .states import Error
 class Answer:
     """What a coroutine of the executor awaits; the executor must be woken after :meth:`give`."""
 
-    def __init__(self) -> None:
-        self.given = False
+    def __init__(self, given: bool = False) -> None:
+        self.given = given
 
     def give(self) -> None:
         self.given = True
@@ -66,7 +66,8 @@ class Dispatch:
         wanted = [tuple(name for name in group if name in names) for group in groups]
         request = Request(filter(None, wanted), self._axes, owner, self._unready)
         request.start(now)
-        self._active.append((request, Answer()))
+        if not request.done:
+            self._active.append((request, Answer()))
         return request
 
     def busy(self, name: str) -> Outcome | None:
@@ -79,8 +80,9 @@ class Dispatch:
         return None
 
     def answer(self, request: Request) -> Answer:
-        """Return what to await for a request that was started."""
-        return next(answer for active, answer in self._active if active is request)
+        """Return what to await for a request; one that has ended is answered."""
+        return next((answer for active, answer in self._active if active is request),
+                    Answer(given=True))
 
     def cancel(self, names: Sequence[str]) -> tuple[list[str], list[str], Answer]:
         """Stop some axes; return those that move, those that wait, and what to await.
@@ -92,8 +94,9 @@ class Dispatch:
                    if any(request.waits(name) for request, _ in self._active)]
         for request, _ in self._active:
             request.cancel(names)
-        answer = Answer()
-        self._canceling.append((moving, answer))
+        answer = Answer(given=not moving)
+        if moving:
+            self._canceling.append((moving, answer))
         return moving, waiting, answer
 
     def close(self) -> None:

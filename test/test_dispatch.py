@@ -95,12 +95,11 @@ def test_an_axis_that_is_unknown(dispatch, axes):
     assert not running(axes)
 
 
-def test_a_refused_axis_answers_at_the_next_cycle(dispatch, axes):
+def test_a_refused_axis_answers_at_once(dispatch, axes):
     axes['x'].refused = Outcome(Error.FeedbackStale, 'axis x: …')
     request = dispatch.home(['x'], 'me', 0.0)
-    answer = dispatch.answer(request)
-    assert dispatch.update(0.1)
-    assert answer.given
+    assert dispatch.answer(request).given
+    assert dispatch.idle
     assert request.outcomes['x'].error is Error.FeedbackStale
 
 
@@ -118,11 +117,11 @@ def test_cancel_answers_at_rest(dispatch, axes):
     assert dispatch.idle
 
 
-def test_nothing_to_cancel_answers_at_the_next_cycle(dispatch):
+def test_nothing_to_cancel_answers_at_once(dispatch):
     moving, waiting, answer = dispatch.cancel(['x', 'y', 'z'])
     assert moving == waiting == []
-    assert dispatch.update(0.1)
     assert answer.given
+    assert dispatch.idle
 
 
 def test_to_cancel_one_axis_stops_its_group(dispatch, axes):
@@ -154,7 +153,7 @@ def test_to_cancel_an_axis_that_waits(dispatch, axes):
     request = dispatch.home(['x', 'y', 'z'], 'me', 0.0)
     moving, waiting, answer = dispatch.cancel(['x'])
     assert (moving, waiting) == ([], ['x'])
-    assert not dispatch.update(0.1) or answer.given
+    assert answer.given
     axes['z'].end()
     assert dispatch.update(0.2)
     assert not running(axes)

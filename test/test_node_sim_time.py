@@ -46,6 +46,17 @@ def test_simulated_time(simulated):
     hand.set('x/home_switch', False)
 
 
+def test_what_needs_no_motion_is_answered_while_simulated_time_stands(simulated):
+    client, hand = simulated.client, simulated.hand
+    hand.held = True
+    assert client.servo('x', False).success
+    assert client.trigger('x/home').message.startswith('ServoOff: axis x: ')
+    assert client.servo('x', True).success
+    for service in ('x/cancel', 'cancel'):
+        assert client.trigger(service).message == 'nothing to cancel'
+    hand.held = False
+
+
 def test_simulated_time_jumps(simulated):
     client, hand = simulated.client, simulated.hand
     setpoints = client.record(JointTrajectory, 'setpoints')
