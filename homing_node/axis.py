@@ -258,6 +258,19 @@ class Axis:
         """End the run, if one is on, with a fault: a stop with ls_dec."""
         self._fail(error, message)
 
+    def set_back(self) -> None:
+        """Forget what was known at times that come once more, for time was set back.
+
+        The levels stay. The feedback has to come anew, and the home is lost with it.
+        """
+        self._settle_switches(math.inf)
+        self._waiting.clear()
+        self._unresolved.clear()
+        self._track.restart()
+        self._settling_since = None
+        self.arrival = -1e300
+        self.homed = False
+
     def set_emergency_stop(self, active: bool) -> None:
         """Take the emergency stop: true ends a run and refuses requests; false moves nothing."""
         self.emergency_stop = active

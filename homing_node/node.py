@@ -250,10 +250,12 @@ class HomingNode(ConfiguredNode):
                 self._abandon()
                 return
             late = clock.read() - begin
-            if late > self._cycle_timeout or late < -self._period:
+            if late > self._cycle_timeout:
                 self._stop_all(Error.CycleLate, f'a control cycle was {late:.3f} s late, more '
                                                 f'than {self._cycle_timeout:g} s (cycle_timeout)')
-            if late >= self._period or late < -self._period:
+            elif late < -self._period:
+                self._set_back(-late)
+            if abs(late) >= self._period:
                 due = clock.now + self._lead  # what was missed is not made up for
             self._cycle(clock.now, due)
 
@@ -312,6 +314,14 @@ class HomingNode(ConfiguredNode):
         with self._lock:
             for axis in self._axes.values():
                 axis.stop(error, text)
+
+    def _set_back(self, step: float) -> None:
+        """Stop every axis; forget what was known at times that are to come once more."""
+        self._stop_all(Error.CycleLate, f'simulated time was set back by about {step:.3f} s')
+        self._watched = self._timebase.now
+        with self._lock:
+            for axis in self._axes.values():
+                axis.set_back()
 
     def _finish(self) -> None:
         self.finished.set()

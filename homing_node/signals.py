@@ -52,6 +52,12 @@ class Track:
         self.time, self.position = time, position
         return True
 
+    def restart(self) -> None:
+        """Forget when the samples were; where the last one was stays known."""
+        self.samples.clear()
+        self.time = self.doubted = -1e300
+        self.append(-1e299, self.position)
+
     def mirror(self) -> None:
         """Turn the track into the other frame."""
         self.samples = deque(((t, -p) for t, p in self.samples), maxlen=TRACK_LENGTH)

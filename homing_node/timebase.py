@@ -61,9 +61,13 @@ class TimeBase:
         return self.now + (nanoseconds - self._wall_ns) * 1e-9
 
     def sleep_until(self, due: float, ended: Callable[[], bool]) -> None:
-        """Wait for a time of the core, or until ``ended`` says so while time is simulated."""
+        """Wait for a time of the core.
+
+        While time is simulated: or until ``ended`` says so, or until it was set back.
+        """
         if self._ros_time is None:
             time.sleep(max(0.0, due - time.monotonic()))
             return
-        while self.read() < due and not ended():
+        before = self.now
+        while before <= self.read() < due and not ended():
             time.sleep(LOOK)

@@ -629,6 +629,49 @@ def test_a_pause_is_not_counted_as_time():
     assert made.axis.outcome.success
 
 
+def test_time_that_is_set_back():
+    """The run that is on stops; nothing waits for times that come once more."""
+    made = axis(switch_debounce=0.01)
+    position, time = 0.05, 0.0
+
+    def cycles(count):
+        nonlocal position, time
+        for _ in range(count):
+            time += PERIOD
+            made.feedback(time, position)
+            setpoint = made.update(time)
+            position = setpoint.position if setpoint else position
+
+    assert made.home(time) is None
+    cycles(20)
+    made.switch(HS, time, True)  # not confirmed yet
+    time -= 5.0
+    made.stop(Error.CycleLate, 'set back')
+    made.set_back()
+    assert made.update(time).velocity > 0.0
+    for _ in range(100):  # also while the feedback settles
+        cycles(2)
+        time -= 1.0
+        made.set_back()
+    cycles(10)
+    assert not made.running
+    assert made.outcome.error is Error.CycleLate
+    made.switch(HS, time, False)
+    cycles(10)
+    assert made.home(time) is None
+    cycles(20)
+    made.switch(HS, time, True)
+    edge = position
+    cycles(300)
+    assert made.homed
+    assert made.outcome.home_position_raw == pytest.approx(edge, abs=0.2 * PERIOD)
+
+    made.set_back()
+    assert not made.homed
+    assert refused(made, time - 5.0).error is Error.FeedbackStale
+    assert made.position == pytest.approx(position)
+
+
 def test_continue_without_a_pause_does_nothing():
     made = underway()
     made.axis.resume()

@@ -68,6 +68,29 @@ def test_simulated_time_jumps(simulated):
     ros.assert_stopped(client, setpoints, 'x')
 
 
+def test_simulated_time_is_set_back(simulated):
+    """The run ends with a stop; then the node homes, though its times were there before."""
+    client, hand = simulated.client, simulated.hand
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    states = client.record_states('x')
+    future = client.start('x')
+    ros.at_speed(client, setpoints, 'x')
+    hand.sim_time -= 50_000_000_000
+    answer = client.answer(future, 5.0)
+    assert answer.message.startswith('CycleLate: axis x: '), answer.message
+    ros.assert_stopped(client, setpoints, 'x')
+
+    setpoints.clear()
+    future = client.start('x')
+    ros.at_speed(client, setpoints, 'x')
+    hand.set('x/home_switch', True)
+    assert client.answer(future, 5.0).success
+    client.until(lambda: states[-1].message.homed)
+    hand.sim_time -= 10_000_000_000
+    client.until(lambda: not states[-1].message.homed, 5.0)
+    hand.set('x/home_switch', False)
+
+
 def test_a_signal_while_simulated_time_stands(simulated):
     """Nothing can come to rest then; the node ends all the same."""
     client, hand = simulated.client, simulated.hand
