@@ -174,11 +174,10 @@ def _node_value(spec: Spec, value: Any) -> Any:
             raise ValueError(f'{spec.name}: required, but not set ({spec.text})')
         return spec.default
     if spec.kind is list:
-        listed = [] if isinstance(value, str) else list(value)
-        if isinstance(value, str) or not all(isinstance(item, str) for item in listed):
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
             raise ValueError(f'{spec.name}: {value!r} is not a list of strings; quote the names, '
                              "YAML reads an unquoted y as true: ['x', 'y']")
-        return listed
+        return value
     return spec.convert(value)
 
 

@@ -102,6 +102,11 @@ class ConfiguredNode(Node, ABC):
         if unknown:  # rclpy would not say which
             return SetParametersResult(
                 successful=False, reason=f'no such parameter: {", ".join(unknown)}')
+        deleted = [p.name for p in parameter_list if p.type_ is Parameter.Type.NOT_SET]
+        if deleted:
+            return SetParametersResult(
+                successful=False,
+                reason=f'{", ".join(deleted)}: cannot be deleted; set the value that is wanted')
         result = self._check_parameters(parameter_list)
         return super().set_parameters_atomically(parameter_list) if result.successful else result
 

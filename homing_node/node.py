@@ -193,7 +193,7 @@ class HomingNode(ConfiguredNode):
     def take(self, name: str, value: Any) -> None:
         """Take a new value of one of the node's own parameters."""
         if name == 'home_sequence':
-            self._dispatch.groups = home_sequence(list(value or []), list(self._axes))
+            self._dispatch.groups = home_sequence(value, list(self._axes))
         elif name == 'cycle_timeout':
             self._cycle_timeout = float(value)
 

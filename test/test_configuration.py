@@ -69,6 +69,7 @@ def test_what_every_ros_node_has_is_no_fault():
     ({'axes': None}, ['axes: required']),
     ({'axes': 'x'}, ['axes', 'quote']),
     ({'axes': [True]}, ['axes', 'quote']),
+    ({'axes': 5}, ['axes: 5', 'list of strings']),
     ({'axes': ['x', 'x']}, ['axes', 'twice']),
     ({'axes': ['2x']}, ["'2x'", 'a letter']),
     ({'axes': ['x-1']}, ["'x-1'"]),
@@ -95,6 +96,8 @@ def test_what_every_ros_node_has_is_no_fault():
     ({'home_sequence': ['x, q']}, ['home_sequence', "'q'"]),
     ({'home_sequence': ['x', 'x']}, ['home_sequence', 'twice']),
     ({'home_sequence': 'x'}, ['home_sequence', 'list of strings']),
+    ({'home_sequence': True}, ['home_sequence: True', 'list of strings']),
+    ({'home_sequence': 5.0}, ['home_sequence: 5.0', 'list of strings']),
 ])
 def test_a_fault(changes, parts):
     found = faults(flat(**changes))
