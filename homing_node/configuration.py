@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from .parameters import SPECS, AxisParameters, axis_parameters
+from .qos import check_override
 from .spec import REQUIRED, InvalidParameters, Spec
 from .states import Input, Word
 
@@ -27,9 +28,6 @@ RESERVED = frozenset({
     'describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
     'list_parameters', 'set_parameters', 'set_parameters_atomically',
 })
-
-#: Parameters that every ROS node has.
-FOREIGN = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\..*')
 
 
 class SetpointInterface(Word):
@@ -50,6 +48,14 @@ NODE_SPECS: Mapping[str, Spec] = {spec.name: spec for spec in (
     Spec('groups of axes that home together, in order, e.g. ["z", "x, y"] '
          '(empty: one after another)', list, name='home_sequence', default=[]),
 )}
+
+#: What every ROS node has.
+COMMON_SPECS: Mapping[str, Spec] = {spec.name: spec for spec in (
+    Spec('follow /clock', bool, name='use_sim_time', default=False),
+    Spec('serve the descriptions of types', bool, name='start_type_description_service',
+         default=True),
+)}
+
 
 class TopicSpec(Spec):
     """The name of a topic; '' is the default's."""
@@ -120,6 +126,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
             axes[axis] = axis_parameters(own, axis)
         except InvalidParameters as error:
             faults += error.faults
+    faults += _bad_common(values)
     faults += _unknown(values, names)
     faults += _shared_joints(axes)
     try:
@@ -193,12 +200,30 @@ def _bad_names(names: list[str]) -> list[str]:
     return faults
 
 
+def _common(name: str) -> bool:
+    """Whether every ROS node has such a parameter."""
+    return name in COMMON_SPECS or name.startswith('qos_overrides.')
+
+
+def _bad_common(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for name, value in values.items():
+        try:
+            if name in COMMON_SPECS:
+                COMMON_SPECS[name].convert(value)
+            elif _common(name):
+                check_override(name, value)
+        except ValueError as error:
+            faults.append(str(error))
+    return faults
+
+
 def _unknown(values: Mapping[str, Any], axes: list[str]) -> list[str]:
     """List the parameters that belong to nothing; those of an axis are judged with the axis."""
     faults = []
     for name in values:
         axis, dot, _ = name.partition('.')
-        if name in NODE_SPECS or FOREIGN.fullmatch(name) or (dot and axis in axes):
+        if name in NODE_SPECS or _common(name) or (dot and axis in axes):
             continue
         close = get_close_matches(name, [*NODE_SPECS, *(f'{axis}.' for axis in axes)], 1)
         hint = f'; did you mean {close[0]!r}?' if close else ''

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -36,7 +37,10 @@ class ConfiguredNode(Node, ABC):
     """
 
     def __init__(self, name: str, **kwargs: Any) -> None:
-        super().__init__(name, **kwargs)
+        try:
+            super().__init__(name, **kwargs)
+        except InvalidParameterTypeException as error:  # of what every node has
+            raise InvalidParameters([str(error)]) from None
         overrides = self._parameter_overrides
         for key, parameter in overrides.items():
             if parameter.type_ is Parameter.Type.NOT_SET:  # what rcl makes of an empty array

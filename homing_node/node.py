@@ -36,6 +36,7 @@ from .configured_node import ConfiguredNode
 from .dispatch import Dispatch
 from .inputs import Inputs
 from .parameters import AxisParameters
+from .qos import POLICIES
 from .reports import Publishers, Reports
 from .services import Services
 from .spec import InvalidParameters
@@ -43,9 +44,7 @@ from .states import Error
 from .timebase import TimeBase, wake_precisely
 
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-OVERRIDABLE = QoSOverridingOptions([
-    QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
-    QoSPolicyKind.DURABILITY])
+OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in POLICIES])
 
 #: How often the publishers of the inputs are counted, s.
 WATCH_PERIOD = 0.1

@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / 'homing_node'
 CORE = [
     {'states', 'profile', 'stamps'},
     {'events', 'motions', 'signals', 'history', 'spec'},
-    {'procedures'},
+    {'procedures', 'qos'},
     {'parameters'},
     {'configuration', 'flags', 'limits', 'travel'},
     {'latches', 'passes'},

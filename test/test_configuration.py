@@ -16,6 +16,7 @@ from homing_node.parameters import SPECS
 from homing_node.spec import InvalidParameters
 from homing_node.states import HomeType, Input
 
+QOS = 'qos_overrides./homing_node/x/home_switch.subscription'
 AXIS = {'home_type': 'HS', 'travel': 0.2}
 
 
@@ -62,7 +63,27 @@ def test_everything_set():
 def test_what_every_ros_node_has_is_no_fault():
     configuration({
         **flat(), 'use_sim_time': True, 'start_type_description_service': False,
-        'qos_overrides./homing_node/x/home_switch.subscription.durability': 'transient_local'})
+        f'{QOS}.durability': 'transient_local', f'{QOS}.reliability': 'BEST_EFFORT',
+        f'{QOS}.history': 'keep_last', f'{QOS}.depth': 5})
+
+
+@pytest.mark.parametrize(('name', 'value', 'parts'), [
+    ('use_sim_time', 5, ['use_sim_time: 5', 'true or false']),
+    (f'{QOS}.durablity', 'transient_local',
+     [f"{QOS}.durablity: 'durablity'", "did you mean 'durability'"]),
+    (f'{QOS}.durability', 'transient-local',
+     [f"{QOS}.durability: 'transient-local'", "did you mean 'transient_local'"]),
+    (f'{QOS}.reliability', True, [f'{QOS}.reliability: True', 'best_effort']),
+    (f'{QOS}.depth', 'ten', [f"{QOS}.depth: 'ten' is not an integer"]),
+    (f'{QOS}.depth', 0, [f'{QOS}.depth: 0', '>= 1']),
+    (QOS.replace('subscription', 'subscriber') + '.depth', 1,
+     ['/x/home_switch.subscriber.depth: ', '<subscription|publisher>']),
+    ('qos_overrides.depth', 1, ['qos_overrides.depth: ', '<policy>']),
+])
+def test_a_fault_of_what_every_ros_node_has(name, value, parts):
+    (fault,) = faults({**flat(), name: value})
+    for part in parts:
+        assert part in fault
 
 
 @pytest.mark.parametrize(('changes', 'parts'), [

@@ -28,6 +28,12 @@ def fault_cases():
             ['x.travel', 'x.homing_velocity_fst', "did you mean 'homing_velocity_fast'",
              'x.homing_velocity_slow: -1.0 m/s must be > 0 m/s', "'HSHSH'", 'update_rat',
              "did you mean 'update_rate'", 'z.travel']),
+        'of every node': (
+            {**described(), 'use_sim_time': 5}, ['the parameters are not valid', 'use_sim_time']),
+        'of QoS': (
+            {**described(), 'qos_overrides': {'/homing_node/x/home_switch': {'subscription': {
+                'durablity': 'transient_local', 'depth': -1}}}},
+            ["did you mean 'durability'", 'depth: -1']),
         'unquoted y': (
             '/**:\n  ros__parameters:\n    axes: [x, y]\n',
             ['params', 'unquoted', "'y'"]),
