@@ -151,10 +151,14 @@ def joint_states(stamp: int, homed: Mapping[str, float]) -> JointState:
 
 
 def home_message(outcomes: Sequence[Outcome]) -> str:
-    """Tell how a request ended, as the services answer it: the first failure, or each home."""
+    """Tell how a request ended, as the services answer it: the first failure, or each home.
+
+    What was canceled is rather a consequence than the first failure.
+    """
     failed = [outcome for outcome in outcomes if not outcome.success]
     if failed:
-        return f'{failed[0].error}: {failed[0].message}'
+        first = min(failed, key=lambda outcome: outcome.error is Error.Canceled)
+        return f'{first.error}: {first.message}'
     return 'Homed: ' + '; '.join(_home_text(outcome) for outcome in outcomes)
 
 

@@ -141,8 +141,9 @@ def test_home_message():
     assert convert.home_message([homed]) == (
         'Homed: home_position_raw=0.123456789123 home_offset=-0.5 uncertainty=1.23e-05')
     failed = Outcome(Error.LSTriggered, 'axis x: …')
-    assert convert.home_message([homed, failed, Outcome(Error.Canceled, '')]) == (
-        'LSTriggered: axis x: …')
+    canceled = Outcome(Error.Canceled, 'axis y: …')
+    assert convert.home_message([homed, canceled, failed]) == 'LSTriggered: axis x: …'
+    assert convert.home_message([homed, canceled]) == 'Canceled: axis y: …'
     assert convert.home_message([homed, homed]).count('home_position_raw=') == 2
 
 
