@@ -13,6 +13,7 @@ from . import convert
 from .check import Severity, check, errors
 from .configuration import (
     AXIS_SPECS,
+    COMMON_SPECS,
     NODE_SPECS,
     TOPICS,
     Configuration,
@@ -87,7 +88,9 @@ class ConfiguredNode(Node, ABC):
                 self.get_logger().warning(finding.text)
 
     def _declare(self, axes: Iterable[str]) -> None:
-        """Declare every parameter with its descriptor."""
+        """Declare every parameter with its descriptor; that of `use_sim_time` is there already."""
+        clock = COMMON_SPECS['use_sim_time']
+        self.set_descriptor(clock.name, convert.descriptor(clock, read_only=True))
         for spec in NODE_SPECS.values():
             self.declare_parameter(spec.name, convert.plain(spec.initial),
                                    convert.descriptor(spec, read_only=spec.name in FIXED))

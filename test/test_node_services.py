@@ -332,6 +332,7 @@ def test_an_integer_is_a_real_number(client):
     ('y__joint', 'z', ('y.joint', 'read-only')),
     ('axes', ['q'], ('axes', 'read-only')),
     ('update_rate', 100.0, ('update_rate', 'read-only')),
+    ('use_sim_time', True, ('use_sim_time', 'read-only')),
     ('y__homing_velocity_fst', 0.1, ('y.homing_velocity_fst',)),
     ('q__travel', 0.1, ('q.travel',)),
 ])
