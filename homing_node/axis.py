@@ -477,7 +477,8 @@ class Axis:
 
     def _outcome(self, machine: Machine) -> Outcome:
         if machine.error is not Error.NoError or machine.reference is None:
-            return Outcome(machine.error, f'axis {self.name}: {machine.message}')
+            return Outcome(machine.error, f'axis {self.name}: {machine.message}',
+                           warnings=self._warnings(machine))
         p, mark = self.parameters, machine.reference
         raw = self._sign * mark.position
         offset = raw + self._sign * p.home_shift_distance - p.home_position

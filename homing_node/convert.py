@@ -158,8 +158,8 @@ def home_message(outcomes: Sequence[Outcome]) -> str:
     failed = [outcome for outcome in outcomes if not outcome.success]
     if failed:
         first = min(failed, key=lambda outcome: outcome.error is Error.Canceled)
-        return f'{first.error}: {first.message}'
-    return 'Homed: ' + '; '.join(_home_text(outcome) for outcome in outcomes)
+        return _warned(f'{first.error}: {first.message}', first)
+    return 'Homed: ' + '; '.join(_warned(_home_text(one), one) for one in outcomes)
 
 
 def _home_text(outcome: Outcome) -> str:
@@ -170,6 +170,10 @@ def _home_text(outcome: Outcome) -> str:
                  f'deviation={outcome.passes_deviation:.3g}')
     if outcome.index_margin is not None:
         text += f' index_margin={outcome.index_margin:.3f}'
+    return text
+
+
+def _warned(text: str, outcome: Outcome) -> str:
     return ' | warning: '.join([text, *outcome.warnings])
 
 

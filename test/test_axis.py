@@ -245,6 +245,13 @@ def test_without_feedback_no_stop_waits_for_it():
     assert resting[-1].time - resting[0].time < 0.01
 
 
+def test_a_run_that_fails_tells_its_warnings_too():
+    made = underway()
+    made.axis.warn('that clock is behind')
+    made.axis.stop(Error.CycleLate, 'late')
+    assert made.finish().outcome.warnings == ('that clock is behind',)
+
+
 def test_homing_again_after_a_cancel():
     made = underway()
     made.axis.cancel()

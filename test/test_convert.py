@@ -145,6 +145,8 @@ def test_home_message():
     assert convert.home_message([homed, canceled, failed]) == 'LSTriggered: axis x: …'
     assert convert.home_message([homed, canceled]) == 'Canceled: axis y: …'
     assert convert.home_message([homed, homed]).count('home_position_raw=') == 2
+    warned = Outcome(Error.LSTriggered, 'axis x: …', warnings=('it bounced',))
+    assert convert.home_message([warned]) == 'LSTriggered: axis x: … | warning: it bounced'
 
 
 def test_axis_state(axis):
