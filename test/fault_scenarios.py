@@ -552,7 +552,8 @@ def _(d):
 def _(d):
     rigs = {'x': HSHS.but(max_search_distance=0.02), 'y': HSHS}
     both = {name: faulty(one, d) for name, one in rigs.items()}
-    request = Request([('x', 'y')], {name: made.axis for name, made in both.items()}, 'test')
+    axes = {name: made.axis for name, made in both.items()}
+    request = Request([('x', 'y')], axes, 'test', lambda _: None)
     request.start(0.0)
     while not request.done:
         for made in both.values():
