@@ -6,7 +6,6 @@ is told, and no sign: all positions are in the *toward* frame, m or rad.
 Sources: WMX3 manual, "Limit Switches During Homing"; doc/homing.md for what is decided here.
 """
 
-import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -14,6 +13,7 @@ from .events import CONDITIONS, Event
 from .flags import FlagEnds
 from .latches import Latches
 from .limits import Action, Limit, LimitSwitches
+from .mechanical_end import MechanicalEnd
 from .motions import Kind, Way
 from .parameters import AxisParameters
 from .passes import Passes
@@ -85,7 +85,7 @@ class Machine:
         self.passes = Passes(parameters)
         self.index_margin: float | None = None
         self.warnings: list[str] = []
-        self._end_since = math.inf
+        self._end = MechanicalEnd(parameters)
         self._paused_at = now
         self._stop_deceleration = 0.0
 
@@ -101,12 +101,7 @@ class Machine:
     @property
     def torque_limit(self) -> float:
         """The torque limit that the mechanical end asks for, %; 0: none."""
-        p = self.parameters
-        if not p.homes_on_mechanical_end:
-            return 0.0
-        first = p.mechanical_end_detection_first_torque_limit
-        touched = self._end_since < math.inf or Event.END_DETECTED not in self.row.on
-        return p.mechanical_end_detection_second_torque_limit or first if touched else first
+        return self._end.torque_limit(searching=Event.END_DETECTED in self.row.on)
 
     @property
     def traveled(self) -> tuple[float, float]:
@@ -324,7 +319,7 @@ class Machine:
         if self._blocked(way):
             return
         self._rules.enter(self.row)
-        self._end_since = math.inf
+        self._end.begin()
         if motion.kind is Kind.REST:
             profile.stop()
         elif motion.kind is Kind.HOME:
@@ -377,13 +372,7 @@ class Machine:
         return True
 
     def _end_detected(self) -> Event | None:
-        """Return the event once the feedback has stayed behind for long enough."""
-        p = self.parameters
-        if self.profile.position - self.feedback <= p.mechanical_end_detection_pos_diff:
-            self._end_since = math.inf
-            return None
-        self._end_since = min(self._end_since, self.now)
-        if self.now - self._end_since < p.mechanical_end_detection_time:
+        if not self._end.found(self.profile.position - self.feedback, self.now):
             return None
         self._found = Mark(self.feedback)
         return Event.END_DETECTED

@@ -14,7 +14,7 @@ CORE = [
     {'events', 'motions', 'signals', 'history', 'spec'},
     {'procedures', 'qos'},
     {'parameters'},
-    {'configuration', 'flags', 'limits', 'travel'},
+    {'configuration', 'flags', 'limits', 'mechanical_end', 'travel'},
     {'latches', 'passes'},
     {'machine'},
     {'axis'},
