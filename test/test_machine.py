@@ -8,6 +8,7 @@ from homing_node.layout import SwitchLayout
 from homing_node.machine import Machine
 from homing_node.procedures import (
     HOME_SHIFT,
+    HOME_SHIFT_MOVE,
     HS_CLEAR_REVERSE,
     HS_CLEAR_REVERSE_AT_START,
     HS_CLEAR_REVERSE_FURTHER,
@@ -16,6 +17,7 @@ from homing_node.procedures import (
     HS_SEARCH,
     LS_FALLING_EDGE_SEARCH_REVERSE,
     LS_SEARCH,
+    MECHANICAL_END_DETECTION,
     SECOND_HS_SEARCH,
     Z_PULSE_SEARCH_REVERSE,
     Z_PULSE_SEARCH_REVERSE_ARMED,
@@ -52,13 +54,13 @@ class Hand:
             self.machine.update(self.now, at)
         return self
 
-    def edge(self, name, rises, way=None, position=None, time=None):
-        """Set a level, and hand the edge over."""
+    def edge(self, name, rises, way=None, position=None, time=None, level=None):
+        """Set a level (another one than the edge's, where it has changed since), hand it over."""
         edge = Edge(Input(name), self.now if time is None else time, rises)
         edge.position = self.profile.position if position is None else position
         edge.way = (1 if self.profile.velocity > 0 else -1) if way is None else way
         edge.resolved = True
-        self.switches[edge.input].level = rises
+        self.switches[edge.input].level = rises if level is None else level
         if edge.input is not Input.HOME_SWITCH:
             (self.machine.limit_rises if rises else self.machine.limit_falls)(edge.input)
         self.machine.edge(edge)
@@ -129,6 +131,12 @@ def test_a_fall_beyond_the_rise_is_the_flags_far_end():
     assert hand.step == HS_CLEAR_REVERSE_FURTHER
 
 
+def test_a_bounce_at_a_far_end_with_hysteresis_is_not_where_the_axis_came_in():
+    hand = Hand('HSHS').run().edge(HS, True, position=0.06).edge(HS, False, position=0.068)
+    hand.run(40).edge(HS, True, position=0.0655).edge(HS, False, position=0.0654)
+    assert hand.step == HS_CLEAR_REVERSE
+
+
 def test_a_fall_right_behind_the_rise_is_a_bounce():
     hand = Hand('HSOff').run().edge(HS, True, position=0.06)
     hand.edge(HS, False, position=0.0605).edge(HS, True, position=0.0606)
@@ -146,6 +154,16 @@ def test_the_tolerance_of_the_second_pass_is_not_the_reach_of_a_bounce():
 
 def test_a_switch_that_is_on_though_no_rise_counted_is_cleared():
     hand = Hand('HS').run(1).edge(HS, True, way=-1)
+    assert hand.step == HS_CLEAR_REVERSE_AT_START
+
+
+def test_a_switch_whose_rise_did_not_count_is_not_cleared_once_it_is_off_again():
+    hand = Hand('HS').run(1).edge(HS, True, way=-1, level=False)
+    assert hand.step == HS_SEARCH
+
+
+def test_an_edge_from_before_the_axis_moved_is_no_home():
+    hand = Hand('HS').run(1).edge(HS, True, way=0)
     assert hand.step == HS_CLEAR_REVERSE_AT_START
 
 
@@ -191,6 +209,23 @@ def test_a_decision_that_was_undone_leaves_the_reversal_unused():
     assert hand.error is Error.NoError
 
 
+def test_a_reversal_that_was_undone_leaves_the_first_pass():
+    hand = Hand('HSHS', edge_tolerance=0.001).run().edge(HS, True, position=0.06).run(60)
+    hand.edge(HS, False, position=0.0599).run(60)
+    assert hand.step == SECOND_HS_SEARCH
+    hand.edge(LIMIT_AHEAD, True)
+    hand.edge(HS, True, way=1, position=0.07, time=hand.now - 0.01)
+    assert hand.step == HOME_SHIFT
+    hand.run(100)
+    assert hand.error is Error.EdgeNotRepeated
+
+
+def test_an_earlier_edge_that_does_not_count_undoes_nothing():
+    hand = Hand('HS').run().edge(HS, True, time=0.08)
+    hand.edge(LIMIT_AHEAD, True, way=-1, time=0.07)
+    assert hand.step == HOME_SHIFT
+
+
 def test_once_the_axis_is_at_rest_nothing_is_undone():
     hand = Hand('HS').run().edge(HS, True, time=0.08).run(60)
     assert hand.machine.finished
@@ -212,6 +247,14 @@ def test_a_limit_ahead_while_it_brakes_for_the_reference_ends_nothing():
         one.run(6)
         furthest.append(one.profile.position)
     assert furthest[0] < furthest[1]
+
+
+def test_unless_the_home_shift_goes_on_toward_it():
+    hand = Hand('HS', home_shift_distance=0.02).run().edge(HS, True).run(1)
+    hand.edge(LIMIT_AHEAD, True)
+    assert hand.error is Error.NoError
+    hand.run(20)
+    assert hand.error is Error.LSTriggered
 
 
 def furthest_past_a_limit(home_type, gap, ls_type='Dec', **flags):
@@ -251,12 +294,21 @@ def test_a_normal_limit_without_an_action_does_not_bar_the_home_shift(
     assert error_of(one.but(ls_type='Dec').home(start=start)) is Error.LSTriggered
 
 
-def test_unless_the_home_shift_goes_on_toward_it():
-    hand = Hand('HS', home_shift_distance=0.02).run().edge(HS, True).run(1)
-    hand.edge(LIMIT_AHEAD, True)
-    assert hand.error is Error.NoError
-    hand.run(20)
+def test_a_reversal_without_an_action_bars_the_home_shift():
+    hand = Hand('HS', ls_type='None', home_shift_distance=0.03).run().edge(HS, True)
+    while hand.step != HOME_SHIFT_MOVE:
+        hand.run(1)
+    hand.run(10).edge(LIMIT_AHEAD, True)
     assert hand.error is Error.LSTriggered
+
+
+def test_the_reference_does_not_brake_its_own_overrun():
+    """Its bounces neither."""
+    soft, hard = (Hand('LS', ls_dec=dec).run() for dec in (1, 50))
+    for one in (soft, hard):
+        one.edge(LIMIT_AHEAD, True).run(1)
+        one.edge(LIMIT_AHEAD, False).edge(LIMIT_AHEAD, True).run(20)
+    assert hard.profile.position == soft.profile.position
 
 
 def test_a_limit_ahead_while_it_turns_ends_nothing():
@@ -281,6 +333,26 @@ def test_a_limit_behind_that_rises_while_it_moves_toward_may_be_swapped():
     assert 'swapped' in hand.machine.message
 
 
+def test_a_swapped_limit_does_what_its_type_says():
+    hand = Hand('HS', ls_type='ServoOff').run().edge(LIMIT_BEHIND, True)
+    assert hand.machine.silent
+    assert hand.machine.servo_off
+
+
+def test_a_limit_that_an_axis_leaves_does_not_act_on_its_stop():
+    hand = Hand('HS', ls_type='ServoOff').run()
+    hand.machine.cancel()
+    hand.edge(LIMIT_BEHIND, True)
+    assert not hand.machine.silent
+    assert not hand.machine.servo_off
+
+
+@pytest.mark.parametrize('home_type', ['HS', 'LS'])
+def test_both_limits_on_whatever_the_second_one_means(home_type):
+    hand = Hand(home_type, on=(LIMIT_BEHIND,)).run(3).edge(LIMIT_AHEAD, True)
+    assert hand.error is Error.LimitsBothOn
+
+
 def test_a_limit_behind_that_is_left_may_bounce():
     hand = Hand('HS', on=(LIMIT_BEHIND,)).run(3)
     hand.edge(LIMIT_BEHIND, False).edge(LIMIT_BEHIND, True).edge(LIMIT_BEHIND, False)
@@ -297,6 +369,13 @@ def test_the_first_error_stays():
     assert hand.error is Error.CycleLate
     assert hand.machine.message == 'late in HSSearch'
     assert hand.machine.state is State.HSSearch
+
+
+def test_a_harder_stop_that_follows_leaves_the_servo_to_be_switched_off():
+    hand = Hand('ZPulse', ls_type='SlowDecServoOff', homing_velocity_slow=0.2).run()
+    hand.edge(LIMIT_AHEAD, True).run(1)
+    hand.machine.fail(Fault(Error.EmergencyStop, 'emergency stop'))
+    assert hand.machine.servo_off
 
 
 # -- bounds, and what is told -------------------------------------------------------------------
@@ -339,6 +418,27 @@ def test_a_pulse_that_was_latched_before_the_turn_is_forgotten():
     assert hand.machine.reference.position == 0.0400
 
 
+def test_a_pulse_counts_from_the_turning_point_not_from_where_the_end_was_detected():
+    """The end yields a little more, and the pulse lies in between."""
+    hand = Hand('MechanicalEndDetectionReverseZPulse')
+    while hand.step == MECHANICAL_END_DETECTION:
+        hand.run(1, lambda at: min(at, 0.052))
+    hand.run(10, lambda at: 0.0525)
+    hand.machine.latch(Input.Z_PULSE, 0.0522)
+    hand.run(120, lambda at: min(at, 0.0525))
+    assert hand.machine.reference.position == 0.0522
+
+
+def test_the_passes_begin_anew_after_the_reversal():
+    hand = Hand('HSHS', repeat=2).run().edge(HS, True, position=0.06).run(60)
+    hand.edge(HS, False, position=0.06).run(60).edge(HS, True, position=0.06)
+    assert len(hand.machine.passes.fine) == 1
+    hand.run(60).edge(HS, False, position=0.06).run(60).edge(LIMIT_AHEAD, True)
+    assert hand.step == HS_FALLING_EDGE_SEARCH_REVERSE
+    assert hand.machine.passes.fine == []
+    assert hand.machine.passes.coarse is None
+
+
 def test_a_pause_holds_before_the_turn_and_continues():
     hand = Hand('HSHS', pause_mode=True).run().edge(HS, True)
     assert hand.machine.paused
@@ -351,10 +451,21 @@ def test_a_pause_holds_before_the_turn_and_continues():
 
 
 def test_a_limit_that_rises_during_a_pause_brakes_harder_and_ends_nothing():
-    hand = Hand('HSHS', pause_mode=True).run().edge(HS, True).edge(LIMIT_AHEAD, True)
+    hand, soft = (Hand('HSHS', pause_mode=True, ls_dec=50).run().edge(HS, True) for _ in range(2))
+    hand.edge(LIMIT_AHEAD, True)
     assert hand.machine.paused
     assert hand.error is Error.NoError
-    hand.run(40)
+    for one in (hand, soft):
+        one.run(40)
+    assert hand.profile.velocity == 0.0
+    assert hand.profile.position < soft.profile.position - 0.001
     hand.machine.resume()
     hand.run(5)
     assert hand.profile.velocity < 0.0
+
+
+def test_a_normal_limit_that_rises_while_the_axis_rests_in_a_pause_ends_nothing():
+    hand = Hand('NearLSReverseZPulse', pause_mode=True).run().edge(NEAR_AHEAD, True).run(60)
+    assert hand.machine.paused
+    hand.edge(LIMIT_AHEAD, True, way=1)
+    assert hand.error is Error.NoError
