@@ -2,6 +2,7 @@
 
 import random
 import statistics
+from itertools import pairwise
 
 import pytest
 from core_rig import HOME, PITCH, TRUE_HOME, error_of, home_of, rig, spoilt
@@ -128,6 +129,14 @@ def test_passes_are_repeated_from_the_same_side(home_type, repeat):
     assert course.outcome.passes_range <= 1e-6
 
 
+def test_every_pass_begins_beyond_the_homing_reverse_distance():
+    """Not only the first: the target of the last clearing is not the next one's."""
+    course = rig('HSHS', homing_reverse_distance=0.02, repeat=3).home(start=0.055)
+    begins = [t.position for s, t in pairwise(course.samples)
+              if s.state != t.state == 'SecondHSSearch']
+    assert begins == pytest.approx([0.04] * 3, abs=1e-3)
+
+
 def moving_edge(steps):
     """Return a function that shifts the time of the slow passes' rises, one after another."""
     shifts = iter(steps)
@@ -194,6 +203,7 @@ def test_a_small_margin_says_where_the_switch_should_be(fraction, hint):
     assert error_of(failing) is Error.IndexMarginError
     assert hint in failing.outcome.message
     silent = margin_rig(PULSE - fraction * PITCH, index_margin_action='None').home(start=0.02)
+    assert home_of(silent) == pytest.approx(PULSE, abs=1e-9)
     assert silent.outcome.warnings == ()
 
 

@@ -3,9 +3,10 @@
 import pytest
 from core_rig import LIMIT_TYPES, QUICK, TYPES, rig
 
-from homing_node.limits import Action, limits_of, ls_action
+from homing_node.limits import Action, LimitSwitches, limits_of, ls_action
 from homing_node.motions import Way
 from homing_node.parameters import axis_parameters
+from homing_node.signals import Edge, Switch
 from homing_node.states import LIMIT_SWITCHES, Input, LSType, Role, Tier
 
 ACTIONS = {
@@ -105,3 +106,22 @@ def test_a_limit_that_is_not_wired_means_nothing():
 def test_limit_types_have_one_reference(home_type):
     roles = [limit.role for limit in limits_of(all_wired(home_type)).values()]
     assert roles.count(Role.REFERENCE) == 1
+
+
+@pytest.mark.parametrize(('home_type', 'switch', 'way'), [
+    ('HS', 'positive_limit_switch', Way.TOWARD), ('ZPulse', 'positive_limit_switch', Way.TOWARD),
+    ('HS', 'negative_limit_switch', Way.AWAY)])
+def test_a_momentary_limit_is_remembered_until_the_axis_is_back(home_type, switch, way):
+    """It rose at 0.09 m and is off again."""
+    parameters = all_wired(home_type)
+    limits = LimitSwitches(parameters, {i: Switch(i) for i in limits_of(parameters)})
+    edge = Edge(Input(switch), 1.0, True)
+    edge.position, edge.way = way * 0.09, way
+    limits.remember(edge)
+    for home in (False, True):
+        blocks = home or limits.get(edge.input).role is Role.NORMAL
+        assert (limits.blocking(way, home, way * 0.091) is not None) == blocks
+        assert limits.blocking(way, home, way * 0.089) is None
+    reverses = limits.get(edge.input).role is Role.REVERSAL
+    assert limits.reversing(way * 0.091) == reverses
+    assert not limits.reversing(way * 0.089)

@@ -237,6 +237,9 @@ CROSS = [
      'max_hs_on_at_start_reverse_distance: 0.3 m must be <= max_search_distance, 0.2 m'),
     ({'home_shift_distance': -0.5},
      'home_shift_distance: -0.5 m must be within +-travel, 0.4 m'),
+    ({'repeat': 2},
+     'repeat: 2 must be 1 for HS, which has no slow pass over a switch or probe '
+     '(HSHS and HSTouchProbe do)'),
     ({'home_type': 'LS', 'home_shift_distance': 0.01},
      'home_shift_distance: 0.01 m must be <= 0 m for LS '
      '(it would move on into the limit switch)'),
@@ -309,6 +312,30 @@ def test_computed_bounds():
                  edge_tolerance=0.3, timeout=7)
     assert (made.search_distance, made.following_error_limit, made.wrong_direction_limit,
             made.edge_agreement, made.run_timeout) == (0.3, 0.1, 0.2, 0.3, 7.0)
+
+
+def test_the_computed_timeout():
+    """Every motion of HS twice, + 50 %: 3 searches, 2 reverse distances, a stop, the shift."""
+    half = dict.fromkeys((
+        'homing_velocity_fast', 'homing_velocity_fast_acc', 'homing_velocity_fast_dec',
+        'home_shift_velocity', 'home_shift_acc', 'home_shift_dec'), 0.5)
+    made = built(travel=1, max_search_distance=2, homing_reverse_distance=0.5,
+                 home_shift_distance=-0.5, max_jerk=1, **half)
+    ramps = 1 + 1 + 2 * 1  # of each: up, down, and twice the jerk of both
+    needed = 3 * (4 + ramps) + 2 * (1 + ramps) + ramps + (3 + ramps)
+    assert made.run_timeout == pytest.approx(1.5 * (2 * needed + 0.5))
+
+
+def test_a_pass_more_is_every_motion_once_more():
+    one, two, three = (built(home_type='HSHS', repeat=n).run_timeout for n in (1, 2, 3))
+    assert two - one == pytest.approx(three - two)
+    assert two - one == pytest.approx((one - 1.5 * 0.5) / 2)
+
+
+def test_the_time_of_a_mechanical_end_is_part_of_the_timeout():
+    end = {'home_type': 'MechanicalEndDetection', 'mechanical_end_detection_pos_diff': 0.001}
+    more = built(**end, mechanical_end_detection_time=2).run_timeout - built(**end).run_timeout
+    assert more == pytest.approx(1.5 * 2)
 
 
 def test_paces():

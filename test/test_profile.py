@@ -104,6 +104,16 @@ def test_slowing_down_uses_the_pace_that_is_left():
     assert one.pace == SLOW
 
 
+def test_while_it_slows_down_the_pace_is_the_one_that_is_left():
+    """What a stop would brake with."""
+    one = profile()
+    one.seek(0.2, FAST)
+    run(one)
+    one.seek(0.05, SLOW)
+    cycles(one, 2)
+    assert one.pace == FAST
+
+
 @pytest.mark.parametrize('sign', [1, -1])
 def test_a_move_ends_exactly_at_its_target(sign):
     one = profile(0.3)
@@ -128,6 +138,30 @@ def test_a_move_to_where_it_rests_is_done():
     one = profile(0.3)
     one.move(0.3, FAST)
     assert one.done
+
+
+def test_a_move_to_where_it_passes_is_not_done():
+    one = profile()
+    one.seek(0.2, FAST)
+    run(one)
+    target = one.position
+    one.move(target, FAST)
+    assert not one.done
+    run(one)
+    assert (one.position, one.velocity) == (target, 0.0)
+
+
+@pytest.mark.parametrize('sign', [1, -1])
+def test_a_move_during_a_reversal_is_the_last_that_it_does(sign):
+    """The pace that was to take over at rest does not."""
+    one = profile()
+    one.seek(sign * 0.2, FAST)
+    run(one)
+    one.seek(-sign * 0.05, Pace(0.05, 0.2, 0.2))
+    cycles(one, 2)
+    one.move(sign * 0.3, FAST)
+    run(one)
+    assert (one.position, one.velocity) == (sign * 0.3, 0.0)
 
 
 def test_a_stop_at_rest_is_done():

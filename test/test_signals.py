@@ -258,6 +258,12 @@ def test_debounce_uses_the_first_edge_and_counts_bounces():
     assert not switch.unsettled
 
 
+def test_without_a_debounce_changes_that_follow_at_once_are_bounces():
+    switch = Switch(HS)
+    fed(switch, (0.0, False), (1.0, True), (1.001, False), (1.002, True), (1.1, False))
+    assert switch.bounces == 2
+
+
 def test_a_glitch_shorter_than_the_debounce_is_no_edge():
     switch = Switch(HS, debounce=0.1)
     assert fed(switch, (0.0, False), (1.0, True), (1.05, False)) == []
