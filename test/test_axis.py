@@ -117,6 +117,15 @@ def test_feedback_must_be_fresh():
         'axis x: the feedback is 0.250 s old, more than 0.2 s (feedback_timeout)')
 
 
+def test_an_age_counts_from_the_arrival():
+    """A message may be long on its way: here 0.15 s."""
+    made = axis(switch_timeout=0.1)
+    for switch in (HS, LIMIT_AHEAD, LIMIT_BEHIND):
+        made.switch(Input(switch), 0.05, False, arrival=0.2)
+    made.feedback(0.05, 0.05, arrival=0.2)
+    assert made.home(0.28) is None
+
+
 def test_every_wired_level_must_be_known():
     made = axis(fed=False)
     made.feedback(0.0, 0.05)
@@ -361,6 +370,37 @@ def test_after_servo_off_the_command_starts_at_the_feedback():
     assert made.axis.update(made.time + 0.001).position == pytest.approx(lagging, abs=1e-4)
 
 
+def rest_beside(made):
+    """Let an axis rest a little beside its last command, as one without power does."""
+    beside = made.plant.position + 5e-6
+    made._send_feedback = lambda time, position: made.axis.feedback(time, beside)
+    made.cycle()
+    return beside
+
+
+@pytest.mark.parametrize('drive', [False, True], ids=['ours', "the drive's"])
+def test_after_servo_off_at_rest_the_command_starts_at_the_feedback(drive):
+    one = rig('HS')
+    made = one.but(switches=[*one.values['switches'], 'servo_enabled']).rehearsal()
+    made.axis.enable(True)
+    made.home()
+    switch_servo = made.axis.enable if drive else made.axis.set_servo
+    switch_servo(False)
+    switch_servo(True)
+    beside = rest_beside(made)
+    assert made.axis.hold_position == beside
+
+
+def test_after_a_limit_has_switched_the_servo_off_the_command_starts_at_the_feedback():
+    """Also where the axis was stopped before that."""
+    made = rig('ZPulse', ls_type='DecServoOff', homing_velocity_slow=0.2).built(
+        index_pitch=0.0).rehearsal()
+    assert error_of(made.home()) is Error.LSTriggered
+    made.axis.set_servo(True)
+    beside = rest_beside(made)
+    assert made.axis.hold_position == beside
+
+
 @pytest.mark.parametrize('keeps', [False, True])
 @pytest.mark.parametrize('drive', [False, True])
 def test_homed_and_servo_off(keeps, drive):
@@ -459,6 +499,15 @@ def test_a_run_ends_when_the_feedback_has_settled(rate, delay, lag):
     assert len(rest) * PERIOD < SETTLE_TIMEOUT
 
 
+@BOTH_WAYS
+def test_every_run_waits_until_the_feedback_has_settled(direction):
+    made = rig('HS', homing_reverse_distance=0.045, homing_velocity_fast=0.1).built(
+        lag=0.02).rehearsal(direction)
+    for _ in range(2):
+        course = made.home()
+        assert abs(made.plant.position - course.samples[-1].position) < 1e-5
+
+
 def test_settling_takes_half_a_second_at_most():
     made = rig('HS').rehearsal()
     noise = iter(range(10**6))
@@ -505,10 +554,20 @@ def test_the_next_run_begins_at_the_last_command():
     """The axis rests a little beside it: no step."""
     made = rig('HS').rehearsal()
     last = made.home().samples[-1].position
-    beside = made.plant.position + 5e-6
-    made._send_feedback = lambda time, position: made.axis.feedback(time, beside)
-    made.cycle()
+    rest_beside(made)
     assert made.axis.hold_position == last
+
+
+def test_the_current_position_is_not_the_last_command():
+    """It is where the axis rests; nor does a run without a motion send what one before it did."""
+    made = rig('HS').rehearsal()
+    made.home()
+    made.axis.configure(rig('CurrentPos').parameters())
+    beside = rest_beside(made)
+    assert made.axis.hold_position == beside
+    course = made.home()
+    assert home_of(course) == beside
+    assert course.samples == []
 
 
 def test_an_axis_that_was_moved_begins_where_it_is():
@@ -583,6 +642,52 @@ def test_a_refused_request_leaves_the_home():
     made.axis.set_emergency_stop(True)
     assert made.axis.home(made.time).error is Error.EmergencyStop
     assert made.axis.homed
+
+
+def test_bounces_from_before_a_run_are_not_told():
+    made = rig('HS', switch_debounce=0.002).rehearsal()
+    for i in range(30):
+        made.axis.switch(Input(HS), 0.001 + i * 1e-4, i % 2 == 0)
+    assert made.home().outcome.warnings == ()
+
+
+# -- the torque limit ---------------------------------------------------------------------------
+
+TORQUES = {'mechanical_end_detection_first_torque_limit': 40,
+           'mechanical_end_detection_second_torque_limit': 10}
+
+
+def torque_limits(made):
+    """Home; return the home states with their torque limits, in order."""
+    made.axis.home(made.time)
+    seen = []
+    while made.axis.running:
+        made.cycle()
+        now = (str(made.axis.state), made.axis.torque_limit)
+        if now not in seen[-1:]:
+            seen.append(now)
+    return seen
+
+
+@BOTH_WAYS
+def test_the_second_torque_limit_holds_from_the_touch_of_the_end(direction):
+    """Already while the end is detected."""
+    made = rig('MechanicalEndDetection', mechanical_end_detection_time=0.1, **TORQUES).rehearsal(
+        direction)
+    assert torque_limits(made) == [
+        ('MechanicalEndDetection', 40.0), ('MechanicalEndDetection', 10.0), ('HomeShift', 10.0),
+        ('Idle', 0.0)]
+
+
+def test_without_a_second_torque_limit_the_first_one_stays():
+    one = rig('MechanicalEndDetection', mechanical_end_detection_first_torque_limit=40)
+    assert torque_limits(one.rehearsal()) == [
+        ('MechanicalEndDetection', 40.0), ('HomeShift', 40.0), ('Idle', 0.0)]
+
+
+def test_no_torque_limit_without_a_mechanical_end():
+    assert torque_limits(rig('HS', **TORQUES).rehearsal()) == [
+        ('HSSearch', 0.0), ('HomeShift', 0.0), ('Idle', 0.0)]
 
 
 # -- configuration ------------------------------------------------------------------------------
