@@ -8,12 +8,14 @@ from core_rig import (
     END,
     END_TYPES,
     EXTERNAL_AHEAD,
+    EXTERNAL_BEHIND,
     HS,
     HS_OFF_TYPES,
     LIMIT_AHEAD,
     LIMIT_BEHIND,
     LIMIT_TYPES,
     NEAR_AHEAD,
+    NEAR_BEHIND,
     OFFSET,
     PITCH,
     REVERSING,
@@ -289,6 +291,21 @@ def test_a_second_limit_ends_the_run_whatever_its_type(direction):
 
 
 @BOTH_WAYS
+def test_a_second_limit_does_what_its_type_says(direction):
+    """The first one was the reversal; the axis has left it since."""
+    one = rig('HS', ls_type='ServoOff', homing_reverse_distance=0.02).switched(
+        **{HS: SwitchLayout(0.0915, 0.097)})
+    made = one.rehearsal(direction)
+    course = made.home()
+    assert error_of(course) is Error.LSTriggered
+    assert 'second time' in course.outcome.message
+    assert not made.axis.servo_on
+    last = course.samples[-1]
+    assert direction * last.position < 0.091
+    assert direction * last.velocity > 0.19
+
+
+@BOTH_WAYS
 @REVERSING_TYPES
 @pytest.mark.parametrize(('flag', 'tier'), [(NEAR_AHEAD, 'near'), (EXTERNAL_AHEAD, 'external')])
 def test_near_and_external_limits_reverse_too(home_type, direction, flag, tier):
@@ -476,6 +493,11 @@ def test_a_limit_without_a_type_is_passed(direction):
 
 
 @BOTH_WAYS
+def test_a_search_toward_a_limit_without_a_type_that_is_on_is_begun(direction):
+    assert_homed(rig('ZPulse', ls_type='None').home(direction, 0.091), 0.0933, direction)
+
+
+@BOTH_WAYS
 @pytest.mark.parametrize('second', ['ServoOff', 'Dec', 'DecServoOff'])
 def test_a_stronger_limit_takes_over(direction, second):
     one = rig('ZPulse', near_ls_type='SlowDec', external_ls_type=second, ls_slow_dec=2,
@@ -564,6 +586,15 @@ def test_both_limits_on(home_type, direction):
     course = one.home(direction)
     assert error_of(course) is Error.LimitsBothOn
     assert course.samples == []
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize(('tier', 'pair'), [
+    ('near', (NEAR_AHEAD, NEAR_BEHIND)), ('external', (EXTERNAL_AHEAD, EXTERNAL_BEHIND))])
+def test_both_near_or_external_limits_on(direction, tier, pair):
+    one = rig('HS', **{f'{tier}_ls_type': 'Dec'}).switched(
+        **dict.fromkeys(pair, SwitchLayout(-1, 1)))
+    assert error_of(one.home(direction)) is Error.LimitsBothOn
 
 
 @BOTH_WAYS
@@ -823,12 +854,28 @@ def test_messages_on_the_way(home_type, direction, transport):
 
 
 @BOTH_WAYS
+def test_an_axis_does_not_go_on_until_late_feedback_shows_the_edge(direction):
+    """It stops for the reference as soon as that is told, though it is not yet known where."""
+    one = rig('HS', wrong_direction_distance=0.02)
+    late = one.but(Transport(feedback_delay=0.04)).home(direction)
+    assert furthest(late, direction) < furthest(one.home(direction), direction) + 0.001
+    assert_homed(late, 0.06, direction)
+
+
+@BOTH_WAYS
 def test_open_loop_homing_takes_the_command(direction):
     one = rig('HS', open_loop_homing=True, max_jerk=5000).built(lag=0.02)
     course = one.home(direction)
     closed = rig('HS', max_jerk=5000).built(lag=0.02).home(direction)
     ahead = home_of(course, direction) - home_of(closed, direction)
     assert ahead == pytest.approx(0.2 * 0.022, abs=0.2 * 0.005)
+
+
+@BOTH_WAYS
+def test_open_loop_homing_of_an_axis_without_a_lag_is_as_good(direction):
+    """The command has the time at which the axis is there, not that at which it was sent."""
+    course = rig('HS', open_loop_homing=True).home(direction)
+    assert home_of(course, direction) == pytest.approx(0.06, abs=1e-4)
 
 
 @BOTH_WAYS
