@@ -288,7 +288,3 @@ class Switch:
             return None
         self.level = self._raw
         return Edge(self.input, first, self.level, self._doubt, self._stamped)
-
-    def forget(self) -> None:
-        """Become unknown: the publisher is gone."""
-        self.level, self._first = None, None

@@ -299,14 +299,6 @@ def test_reordered_messages_do_not_lose_the_level():
     assert switch.level is False
 
 
-def test_a_forgotten_switch_is_unknown():
-    switch = Switch(HS, debounce=0.1)
-    fed(switch, (0.0, True), (1.0, False))
-    switch.forget()
-    assert switch.level is None
-    assert not switch.unsettled
-
-
 @given(st.lists(st.tuples(st.floats(0.001, 0.2), st.booleans()), max_size=40),
        st.sampled_from([0.0, 0.05]))
 def test_edges_alternate_and_end_at_the_last_level(messages, debounce):
