@@ -4,7 +4,7 @@ Going a way, every place is a distance along that way (``along``), so that what 
 the larger number at both ends of the axis. Units: m or rad.
 """
 
-from math import ceil, floor, inf, isfinite, isnan
+from math import floor, inf, isfinite, isnan
 from typing import NamedTuple
 
 from ..events import Event
@@ -95,11 +95,6 @@ class Geometry:
         if offset + first * pitch <= beyond:
             first += 1
         return offset + (first + count - 1) * pitch
-
-    def pulses_between(self, low: float, high: float) -> int:
-        """Return how many index pulses are in a stretch of the toward frame."""
-        offset, pitch = self.sign * self.layout.index_offset, self.layout.index_pitch
-        return max(0, floor((high - offset) / pitch) - ceil((low - offset) / pitch) + 1)
 
 
 def entries(parameters: AxisParameters, step: Step) -> list[tuple[Row, Event]]:
