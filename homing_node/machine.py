@@ -223,7 +223,7 @@ class Machine:
         if self.finished or self.paused:
             return
         if self.stopping:
-            self.finished = self.profile.done or self.silent
+            self.finished = self.profile.done
             return
         if self._leg.update(feedback, self.profile.position):
             self._latches.forget()
