@@ -18,7 +18,7 @@ from .motions import Kind, Way
 from .parameters import AxisParameters
 from .passes import Passes
 from .procedures import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Row, Step
-from .profile import Pace, Profile
+from .profile import Dynamics, Profile
 from .signals import Edge, Mark, Switch, Track
 from .states import Error, IndexMarginAction, Input, Role, State
 from .travel import Fault, Leg, Rules
@@ -70,7 +70,7 @@ class Machine:
         self._limits = LimitSwitches(parameters, switches)
         target = self.procedure.target
         self._target = parameters.limit_switch(target, Way.TOWARD) if target else None
-        self._paces = {row.motion.pace: Pace(*parameters.pace(row.motion.pace))
+        self._dynamics = {row.motion.pace: Dynamics(*parameters.pace(row.motion.pace))
                        for row in self.procedure.rows.values()}
         self._rules = Rules(parameters, now)
 
@@ -206,7 +206,7 @@ class Machine:
             self.message = f'canceled in {self.state}'
             self.error = Error.Canceled
             self._end_pause()
-            self._stop_deceleration = self.profile.pace.deceleration
+            self._stop_deceleration = self.profile.dynamics.deceleration
             self.profile.stop()
 
     def resume(self) -> None:
@@ -303,7 +303,7 @@ class Machine:
         if self.paused:
             return
         motion, profile = self.row.motion, self.profile
-        pace = self._paces[motion.pace]
+        dynamics = self._dynamics[motion.pace]
         way, target = motion.way, profile.position
         if motion.kind is Kind.HOME and self.reference is not None:
             target = self.reference.position + self.parameters.home_shift_distance
@@ -323,9 +323,9 @@ class Machine:
         if motion.kind is Kind.REST:
             profile.stop()
         elif motion.kind is Kind.HOME:
-            profile.move(target, pace)
+            profile.move(target, dynamics)
         elif motion.kind is Kind.SEARCH:
-            profile.seek(way * pace.velocity, pace)
+            profile.seek(way * dynamics.velocity, dynamics)
 
     # ------------------------------------------------------------------------ what a motion found
 
@@ -336,11 +336,11 @@ class Machine:
         if self._further:
             return self.profile.done
         target = self._cause.position - self.parameters.homing_reverse_distance
-        pace = self._paces[self.row.motion.pace]
-        if self.profile.stopping_position(pace.deceleration) <= target:
+        dynamics = self._dynamics[self.row.motion.pace]
+        if self.profile.stopping_position(dynamics.deceleration) <= target:
             return True
         self._further = True
-        self.profile.move(target, pace)
+        self.profile.move(target, dynamics)
         return False
 
     def _latched(self) -> Event | None:

@@ -27,7 +27,7 @@ OFF_THE_POINT = 1e-6
 ATTEMPTS = 5
 
 
-class Pace(NamedTuple):
+class Dynamics(NamedTuple):
     """The limits of a motion: velocity, acceleration, deceleration (all > 0)."""
 
     velocity: float
@@ -39,11 +39,11 @@ class Profile:
     """The commanded position, velocity and acceleration of one axis, a cycle at a time.
 
     ``position``, ``velocity`` and ``acceleration`` are the command of the present cycle; ``done``
-    tells that the last motion has reached its velocity or its target; ``pace`` is the active one.
+    tells that the last motion has reached its velocity or target; ``dynamics`` are those in use.
     """
 
     __slots__ = ('position', 'velocity', 'acceleration', 'done', 'period',
-                 'pace', '_otg', '_in', '_out', '_next', '_max_jerk')
+                 'dynamics', '_otg', '_in', '_out', '_next', '_max_jerk')
 
     def __init__(self, period: float, max_jerk: float, position: float = 0.0) -> None:
         self.period = period
@@ -52,8 +52,8 @@ class Profile:
         self._out = OutputParameter(1)
         self._max_jerk = max_jerk
         self._in.target_acceleration = [0.0]
-        self.pace = Pace(1.0, 1.0, 1.0)
-        self._next: tuple[float, Pace] | None = None
+        self.dynamics = Dynamics(1.0, 1.0, 1.0)
+        self._next: tuple[float, Dynamics] | None = None
         self.reset(position)
 
     def reset(self, position: float) -> None:
@@ -65,49 +65,49 @@ class Profile:
         self._in.current_velocity = [0.0]
         self._in.current_acceleration = [0.0]
 
-    def seek(self, velocity: float, pace: Pace) -> None:
+    def seek(self, velocity: float, dynamics: Dynamics) -> None:
         """Go to a velocity (signed) and keep it.
 
         A reversal is one continuous trajectory through zero with min(acceleration, deceleration)
-        of the pace that the axis leaves; a pace that accelerates more gently than that takes over
-        at rest. Slowing down uses the deceleration of the pace that the axis leaves.
+        of the dynamics that the axis leaves; where the new ones accelerate more gently than that,
+        they take over at rest. Slowing down uses the deceleration of those that the axis leaves.
         """
-        old = self.pace
+        old = self.dynamics
         if self.velocity * velocity < 0.0:
             limit = min(old.acceleration, old.deceleration)
-            if pace.acceleration < limit:
+            if dynamics.acceleration < limit:
                 self._to_velocity(0.0, limit, limit)
-                self._next = (velocity, pace)
+                self._next = (velocity, dynamics)
             else:
                 self._to_velocity(velocity, limit, limit)
-                self.pace = pace
+                self.dynamics = dynamics
         elif abs(velocity) < abs(self.velocity) - TINY:
-            self._to_velocity(velocity, pace.acceleration, old.deceleration)
-            self._next = (velocity, pace)
+            self._to_velocity(velocity, dynamics.acceleration, old.deceleration)
+            self._next = (velocity, dynamics)
         else:
-            self._to_velocity(velocity, pace.acceleration, pace.deceleration)
-            self.pace = pace
+            self._to_velocity(velocity, dynamics.acceleration, dynamics.deceleration)
+            self.dynamics = dynamics
 
     def stop(self, deceleration: float | None = None) -> None:
-        """Come to rest with a deceleration, by default that of the present pace."""
+        """Come to rest with a deceleration, by default that of the present dynamics."""
         if self.velocity == 0.0 and self.acceleration == 0.0:
             self.freeze()
             return
         if deceleration is None:
-            deceleration = self.pace.deceleration
+            deceleration = self.dynamics.deceleration
         self._to_velocity(0.0, deceleration, deceleration)
 
     def brake_harder(self, deceleration: float) -> None:
         """Brake with at least this deceleration on the way to a stop or a reversal."""
-        target, limit = self._in.target_velocity[0], max(deceleration, self.pace.deceleration)
-        then = self._next or ((target, self.pace) if target else None)
+        target, limit = self._in.target_velocity[0], max(deceleration, self.dynamics.deceleration)
+        then = self._next or ((target, self.dynamics) if target else None)
         self._to_velocity(0.0, limit, limit)
         self._next = then
 
-    def move(self, target: float, pace: Pace) -> None:
+    def move(self, target: float, dynamics: Dynamics) -> None:
         """Go to a position and rest there."""
-        self.pace, self._next = pace, None
-        _, acceleration, deceleration = pace
+        self.dynamics, self._next = dynamics, None
+        _, acceleration, deceleration = dynamics
         forward = target >= self.position
         inp = self._in
         inp.control_interface = ControlInterface.Position
@@ -115,7 +115,7 @@ class Profile:
         inp.max_jerk = [self._max_jerk]
         inp.target_position = [target]
         inp.target_velocity = [0.0]
-        inp.max_velocity = [pace.velocity]
+        inp.max_velocity = [dynamics.velocity]
         inp.max_acceleration = [acceleration if forward else deceleration]
         inp.min_acceleration = [-deceleration if forward else -acceleration]
         self.done = target == self.position and self.velocity == 0.0

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_node.profile import Pace, Profile
+from homing_node.profile import Dynamics, Profile
 
 PERIOD = 0.004
 JERK = 50.0
-FAST = Pace(0.2, 2.0, 3.0)
-SLOW = Pace(0.05, 1.0, 4.0)
+FAST = Dynamics(0.2, 2.0, 3.0)
+SLOW = Dynamics(0.05, 1.0, 4.0)
 
 
 def profile(position=0.0, jerk=JERK):
@@ -80,7 +80,7 @@ def test_a_reversal_is_one_trajectory_through_zero():
 
 
 def test_a_reversal_into_a_gentler_pace_brakes_with_the_old_one():
-    gentle = Pace(0.05, 0.2, 0.2)
+    gentle = Dynamics(0.05, 0.2, 0.2)
     one = profile()
     one.seek(0.2, FAST)
     run(one)
@@ -89,7 +89,7 @@ def test_a_reversal_into_a_gentler_pace_brakes_with_the_old_one():
     assert_smooth([c for c in course if c[1] > 0], min(FAST.acceleration, FAST.deceleration))
     assert_smooth([c for c in course if c[1] < 0][1:], gentle.acceleration)
     assert one.velocity == pytest.approx(-0.05)
-    assert one.pace == gentle
+    assert one.dynamics == gentle
 
 
 def test_slowing_down_uses_the_pace_that_is_left():
@@ -101,7 +101,7 @@ def test_slowing_down_uses_the_pace_that_is_left():
     assert min(a for _, _, a in course) >= -FAST.deceleration * (1 + 1e-9)
     assert min(a for _, _, a in course) == pytest.approx(-FAST.deceleration, rel=0.15)
     assert one.velocity == pytest.approx(0.05)
-    assert one.pace == SLOW
+    assert one.dynamics == SLOW
 
 
 def test_while_it_slows_down_the_pace_is_the_one_that_is_left():
@@ -111,7 +111,7 @@ def test_while_it_slows_down_the_pace_is_the_one_that_is_left():
     run(one)
     one.seek(0.05, SLOW)
     cycles(one, 2)
-    assert one.pace == FAST
+    assert one.dynamics == FAST
 
 
 @pytest.mark.parametrize('sign', [1, -1])
@@ -157,7 +157,7 @@ def test_a_move_during_a_reversal_is_the_last_that_it_does(sign):
     one = profile()
     one.seek(sign * 0.2, FAST)
     run(one)
-    one.seek(-sign * 0.05, Pace(0.05, 0.2, 0.2))
+    one.seek(-sign * 0.05, Dynamics(0.05, 0.2, 0.2))
     cycles(one, 2)
     one.move(sign * 0.3, FAST)
     run(one)
@@ -191,7 +191,7 @@ def test_a_stop_ends_where_it_was_foretold(ran, deceleration):
     assert one.position == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize('then', [FAST, Pace(0.05, 0.2, 0.2)], ids=['same', 'gentler'])
+@pytest.mark.parametrize('then', [FAST, Dynamics(0.05, 0.2, 0.2)], ids=['same', 'gentler'])
 def test_braking_harder_keeps_the_reversal(then):
     """Also where the reversal passes through rest, into a pace that accelerates more gently."""
     one = profile()
@@ -227,10 +227,10 @@ def test_braking_harder_is_never_softer():
     assert len(run(soft)) <= len(run(hard)) + 1
 
 
-PACES = st.builds(Pace, st.floats(0.005, 0.5), st.floats(0.05, 20.0), st.floats(0.05, 20.0))
+DYNAMICS = st.builds(Dynamics, st.floats(0.005, 0.5), st.floats(0.05, 20.0), st.floats(0.05, 20.0))
 ORDERS = st.one_of(
-    st.tuples(st.just('seek'), PACES, st.sampled_from([1, -1])),
-    st.tuples(st.just('move'), PACES, st.floats(-0.2, 0.2)),
+    st.tuples(st.just('seek'), DYNAMICS, st.sampled_from([1, -1])),
+    st.tuples(st.just('move'), DYNAMICS, st.floats(-0.2, 0.2)),
     st.tuples(st.just('stop'), st.floats(0.05, 20.0)),
     st.tuples(st.just('brake_harder'), st.floats(0.05, 20.0)))
 
@@ -251,7 +251,7 @@ def test_any_orders_give_smooth_setpoints_and_a_stop(orders, jerk):
         else:
             getattr(one, verb)(*args)
             hardest = max(hardest, args[0])
-        hardest = max(hardest, one.pace.acceleration, one.pace.deceleration)
+        hardest = max(hardest, one.dynamics.acceleration, one.dynamics.deceleration)
         course += cycles(one, count)[1:]
     one.stop(1.0)
     course += run(one)[1:]
@@ -267,7 +267,7 @@ def test_any_orders_give_smooth_setpoints_and_a_stop(orders, jerk):
 ])
 def test_moves_where_the_cases_of_a_trajectory_meet(distance, sign):
     one = profile(0.0743, jerk=500.0)
-    one.move(0.0743 + sign * distance, Pace(0.2, 5.0, 5.0))
+    one.move(0.0743 + sign * distance, Dynamics(0.2, 5.0, 5.0))
     run(one)
     assert one.position == pytest.approx(0.0743 + sign * distance, abs=1e-12)
 
@@ -280,7 +280,7 @@ ROUND = st.sampled_from([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0])
 def test_moves_with_round_numbers(velocity, acceleration, deceleration, jerk, distance, sign):
     """What people write; where ruckig's special cases are met exactly."""
     one = profile(jerk=jerk)
-    one.move(sign * distance / 100, Pace(velocity, acceleration, deceleration))
+    one.move(sign * distance / 100, Dynamics(velocity, acceleration, deceleration))
     run(one, 200_000)
     assert one.position == sign * distance / 100
     assert one.velocity == 0.0

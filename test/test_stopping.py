@@ -10,7 +10,7 @@ from homing_node.check.stopping import (
     stopping_distance,
     turning_distance,
 )
-from homing_node.profile import Pace, Profile
+from homing_node.profile import Dynamics, Profile
 
 PERIOD = 0.001
 VELOCITY = st.floats(0.002, 0.5)
@@ -30,7 +30,7 @@ def cruising(pace, jerk):
 @settings(max_examples=50, deadline=None)
 @given(VELOCITY, RATE, JERK)
 def test_a_stop_goes_as_far_as_the_profile_s(velocity, deceleration, jerk):
-    profile = cruising(Pace(velocity, 5.0, deceleration), jerk)
+    profile = cruising(Dynamics(velocity, 5.0, deceleration), jerk)
     expected = profile.stopping_position(deceleration) - profile.position
     assert stopping_distance(velocity, deceleration, jerk) == pytest.approx(expected, rel=1e-6)
 
@@ -38,9 +38,9 @@ def test_a_stop_goes_as_far_as_the_profile_s(velocity, deceleration, jerk):
 @settings(max_examples=50, deadline=None)
 @given(VELOCITY, st.floats(0.05, 1.0), RATE, RATE, RATE, JERK)
 def test_a_turn_goes_as_far_as_the_profile_s(velocity, part, acc, dec, back_acc, jerk):
-    profile = cruising(Pace(velocity, acc, dec), jerk)
+    profile = cruising(Dynamics(velocity, acc, dec), jerk)
     begin = furthest = profile.position
-    profile.seek(-part * velocity, Pace(part * velocity, back_acc, 1.0))
+    profile.seek(-part * velocity, Dynamics(part * velocity, back_acc, 1.0))
     while profile.velocity >= 0.0:
         profile.update()
         furthest = max(furthest, profile.position)
@@ -54,7 +54,7 @@ def test_a_turn_goes_as_far_as_the_profile_s(velocity, part, acc, dec, back_acc,
 def test_no_moment_of_the_acceleration_goes_further(velocity, acceleration, jerk, delay):
     """Whenever a limit is met and answered a delay later: the bound holds, and is nearly met."""
     profile = Profile(PERIOD, jerk)
-    profile.seek(velocity, Pace(velocity, acceleration, 1.0))
+    profile.seek(velocity, Dynamics(velocity, acceleration, 1.0))
     path = [0.0]
     ends = [profile.stopping_position(1.0)]
     cycles = after = int(delay / PERIOD)
