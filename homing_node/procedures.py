@@ -2,8 +2,8 @@
 
 A table is plain data. The manual's shared pages are fragments that every type composes: *limit
 switches during homing*, *home switch initially on*, *limit switch initially on*, *home shift*.
-What holds in every step (a normal limit, a stale input, cancel, the timeout ...) is not in the
-tables but in machine.py, and is tested before a row's own arrows.
+What holds in every step is not in the tables but in machine.py: a normal limit, a stale input, a
+cancel are tested before a row's own arrows; distance and time before what its motion brings about.
 
 - The first row of a table is where the procedure begins. A condition (``HS_ON`` ...) is tested
   when its row is entered, so it also tells what the start position changes.
@@ -49,7 +49,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Row:
-    """What the axis does in a step, where each event leads, and what bounds the distance."""
+    """What the axis does in a step, where each event leads, and what bounds a search."""
 
     motion: Motion
     on: Mapping[Event, Step]
@@ -131,9 +131,7 @@ def limit_switch_during_homing(then: Step) -> Table:
             Bound.LS_REVERSE,
         ),
         HS_FALLING_EDGE_SEARCH_REVERSE_FURTHER: Row(
-            FURTHER_AWAY,
-            {Event.HS_ON: HS_FALLING_EDGE_SEARCH_REVERSE, Event.DONE: then},
-            Bound.LS_REVERSE,
+            FURTHER_AWAY, {Event.HS_ON: HS_FALLING_EDGE_SEARCH_REVERSE, Event.DONE: then}
         ),
     }
 
@@ -147,9 +145,7 @@ def home_switch_initially_on(then: Step) -> Table:
             Bound.HS_ON_AT_START,
         ),
         HS_CLEAR_REVERSE_AT_START_FURTHER: Row(
-            FURTHER_AWAY,
-            {Event.HS_ON: HS_CLEAR_REVERSE_AT_START, Event.DONE: then},
-            Bound.HS_ON_AT_START,
+            FURTHER_AWAY, {Event.HS_ON: HS_CLEAR_REVERSE_AT_START, Event.DONE: then}
         ),
     }
 
@@ -163,9 +159,7 @@ def limit_switch_initially_on(then: Step) -> Table:
             Bound.LS_REVERSE,
         ),
         LS_FALLING_EDGE_SEARCH_REVERSE_FURTHER: Row(
-            FURTHER_AWAY,
-            {Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE, Event.DONE: then},
-            Bound.LS_REVERSE,
+            FURTHER_AWAY, {Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE, Event.DONE: then}
         ),
     }
 
