@@ -129,7 +129,8 @@ def starts(parameters: AxisParameters, layout: AxisLayout, count: int) -> list[f
             layout.start - parameters.travel / 2)
     if not isfinite(high):
         high = low + parameters.travel
-    return [low + (high - low) * n / (count - 1) for n in range(count)]
+    between = [low + (high - low) * n / (count - 1) for n in range(count - 1)]
+    return [*between, high]
 
 
 def sweep(

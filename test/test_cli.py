@@ -6,6 +6,7 @@ import os
 import pty
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
@@ -18,7 +19,7 @@ from homing_node.cli import main
 from homing_node.examples import EXAMPLES
 from homing_node.parameters import SPECS
 from homing_node.states import HomeType
-from homing_node.sweep import rehearse_from, transport_of
+from homing_node.sweep import rehearse_from, starts, transport_of
 
 CONFIG = Path(__file__).parent.parent / 'config'
 PLANT = str(CONFIG / 'simulated_axes.yaml')
@@ -192,6 +193,16 @@ def test_runs_from_everywhere(capsys):
     rows = list(csv.DictReader(Path('starts.csv').read_text().splitlines()))
     assert [float(row['start']) for row in rows][::8] == [-0.005, 0.205]
     assert all(row['error'] == '' and float(row['time']) > 0 for row in rows)
+
+
+@pytest.mark.parametrize('stops', [(-0.005, 0.205), (-0.1, 0.2), (0.0, 0.3), (0.1, 0.7)])
+def test_no_start_is_beyond_the_hard_stops(stops):
+    example = EXAMPLES[HomeType.HS]
+    layout = replace(example.layout, hard_stops=stops)
+    for count in (2, 3, 9, 14, 50, 101):
+        positions = starts(example.parameters, layout, count)
+        assert (len(positions), positions[0], positions[-1]) == (count, *stops)
+        assert positions == sorted(positions)
 
 
 def test_runs_from_everywhere_of_which_some_fail(capsys):
