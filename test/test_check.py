@@ -182,6 +182,10 @@ WITH = [
     Case('reverse-into-limit', ERROR, {'homing_velocity_fast': 0.09},
          flags={HS: SwitchLayout(0.015, 0.06)}, words='home switch falls'),
     Case('reverse-into-limit', ERROR,
+         {'homing_velocity_fast': 0.09, 'homing_velocity_fast_acc': 0.3,
+          'homing_velocity_fast_dec': 1.0},
+         flags={HS: SwitchLayout(0.02, 0.06)}, words='home switch falls'),
+    Case('reverse-into-limit', ERROR,
          {'home_type': 'HSReverseZPulse', 'switches': Z, 'homing_velocity_slow': 0.05},
          layout={'index_offset': 0.001}, flags={BEHIND: SwitchLayout(-inf, 0.1405)},
          words='index pulse'),
@@ -373,6 +377,36 @@ def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocit
         starts = [0.07 + 0.0005 * n for n in range(4)]
         hit = [rehearse_from(parameters, replace(built, switches=stuck), transport_of(timing),
                              start).hits is not None for start in starts]
+        assert bool(said) is hits
+        assert any(hit) is hits, (overrun, part)
+
+
+@pytest.mark.parametrize('direction', [1, -1])
+@pytest.mark.parametrize('reverse', [0.0, 0.003, 0.03])
+@pytest.mark.parametrize('acceleration, deceleration', [(0.3, 1.0), (1.0, 0.3)])
+def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_so(
+        acceleration, deceleration, reverse, direction):
+    """Without a limit switch behind: the axis stops, or turns more gently than it stops."""
+    parameters = axis_parameters({
+        **VALUES, 'homing_velocity_fast': 0.1, 'homing_velocity_fast_acc': acceleration,
+        'homing_velocity_fast_dec': deceleration, 'homing_reverse_distance': reverse,
+        'home_direction': 'Positive' if direction > 0 else 'Negative',
+        'switches': [HS, AHEAD if direction > 0 else BEHIND]})
+
+    def built(stop):
+        layout = AxisLayout((stop, 0.2), {HS: SwitchLayout(0.08, 0.1),
+                                          AHEAD: SwitchLayout(0.17, inf)}, start=0.1)
+        return layout if direction > 0 else mirrored(layout)
+    ends = Ends('x', parameters, built(-inf), Timing())
+    row = next(row for _, row in ends.searches if row.motion.way is Way.AWAY)
+    overrun = next(ends.event_stops(row)).overrun(0.1)
+    for part, hits in ((0.8, True), (1.01, False)):
+        layout = built(0.08 - part * overrun)
+        said = [one for one in check_axis('x', parameters, layout)
+                if one.check == 'hard-stop' and 'behind' in one.what]
+        hit = [rehearse_from(parameters, layout, transport_of(Timing()),
+                             direction * (0.1125 + 0.0021 * n)).hits is not None
+               for n in range(8)]
         assert bool(said) is hits
         assert any(hit) is hits, (overrun, part)
 

@@ -31,9 +31,14 @@ class Timing:
     accuracy: float | None = None
 
     @property
+    def feedback_period(self) -> float:
+        """The time between two feedbacks, s."""
+        return 1.0 / (self.feedback_rate or self.update_rate)
+
+    @property
     def feedback_age(self) -> float:
         """The age of the newest feedback at its worst, s."""
-        return self.latency + 1.0 / (self.feedback_rate or self.update_rate)
+        return self.latency + self.feedback_period
 
     def reaction(self, parameters: AxisParameters, lag: float = 0.0) -> float:
         """Return the time from a switch's edge until the axis begins to brake, s."""

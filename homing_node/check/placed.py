@@ -107,10 +107,15 @@ class Placed:
             if event is Event.TOUCH_PROBE and self.at.probe is not None:
                 place = way * self.at.probe
             if place is not None and not goes_on:
-                stops = [self.late(row, place, self.braking(row, step))]
-                if motion.kind is Kind.FURTHER:
-                    stops.append(lambda v: p.homing_reverse_distance)
-                yield Stop(str(event), place, partial(_longest, stops))
+                further = motion.kind is Kind.FURTHER
+                # Where the edge was is known when the feedback behind it has come.
+                wait = self.timing.feedback_period if further else 0.0
+                overrun = self.late(row, place, self.braking(row, step), wait)
+                if further:
+                    then = p.procedure.rows[step].on[Event.DONE]
+                    turn = self.late(row, place, self.braking(row, then), wait)
+                    overrun = partial(_further, p.homing_reverse_distance, overrun, turn)
+                yield Stop(str(event), place, overrun)
 
     def braking(self, row: Row, step: Step) -> Distance:
         """Return how far the axis goes on, for its velocity, on the way into a step."""
@@ -123,14 +128,15 @@ class Placed:
             v, v if motion.pace is pace else back, acceleration, deceleration, p.max_jerk,
             back_acceleration)
 
-    def late(self, row: Row, place: float, stop: Distance) -> Distance:
+    def late(self, row: Row, place: float, stop: Distance, wait: float = 0.0) -> Distance:
         """Return how far a stop goes from a place along a row's way if it begins late.
 
+        ``wait`` is what passes besides the time to react, s.
         Going toward, a run may begin anywhere, so that the axis still accelerates when it comes
         to the place; going away, it begins at a switch.
         """
         _, acceleration, _ = self.p.pace(row.motion.pace)
-        jerk, delay = self.p.max_jerk, self.delay
+        jerk, delay = self.p.max_jerk, self.delay + wait
         room = place - self._begin_away if row.motion.way is Way.AWAY else 0.0
 
         def distance(velocity: float) -> float:
@@ -159,6 +165,14 @@ class Placed:
 
     def _frozen(self, velocity: float) -> float:
         return velocity * self.delay
+
+
+def _further(reverse: float, stop: Distance, turn: Distance, velocity: float) -> float:
+    """Return how far the axis goes to go on by the homing reverse distance.
+
+    Where it cannot rest within that, it turns at once.
+    """
+    return reverse if stop(velocity) < reverse else max(stop(velocity), turn(velocity))
 
 
 def _longest(distances: list[Distance], velocity: float) -> float:
