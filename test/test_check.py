@@ -41,6 +41,10 @@ Z = [HS, AHEAD, BEHIND, 'z_pulse']
 PROBE = [HS, AHEAD, BEHIND, 'touch_probe']
 END = {'home_type': 'MechanicalEndDetection', 'mechanical_end_detection_pos_diff': 0.002,
        'mechanical_end_detection_first_torque_limit': 30.0, 'switches': [BEHIND]}
+#: The external limit switch is the reference; the one behind it switches the servo off.
+SERVO_OFF = {'home_type': 'ExternalLS', 'external_ls_type': 'Dec', 'ls_type': 'ServoOff',
+             'switches': [*BOTH, 'external_positive_limit_switch']}
+SERVO_OFF_FLAGS = {'external_positive_limit_switch': SwitchLayout(0.184, inf)}
 
 
 @dataclass
@@ -59,18 +63,22 @@ class Case:
     right: Any = None
     words: str = ''
 
-    def found(self, direction=1):
+    def built(self, direction=1):
+        """Return the parameters and the layout."""
         values = {**VALUES, **self.values}
         parameters = axis_parameters(values)
         if self.layout is False:
-            return check_axis('x', parameters, None, self.timing)
+            return parameters, None
         assert isinstance(self.layout, dict)
         flags = {name: flag for name, flag in {**FLAGS, **self.flags}.items() if flag}
         layout = replace(LAYOUT, switches=flags, **self.layout)
         if direction < 0:
             parameters = axis_parameters({**mirrored_values(values), 'home_direction': 'Negative'})
             layout = mirrored(layout)
-        return check_axis('x', parameters, layout, self.timing)
+        return parameters, layout
+
+    def found(self, direction=1):
+        return check_axis('x', *self.built(direction), self.timing)
 
 
 def mirrored_values(values):
@@ -163,7 +171,24 @@ WITH = [
     Case('shift-into-limit', ERROR, {'home_shift_distance': 0.04}, right=0.033, words=AHEAD),
     Case('shift-into-limit', ERROR, {'home_shift_distance': -0.145}, right=-0.13, words=BEHIND),
     Case('hard-stop', ERROR, {'homing_velocity_fast': 0.15}, right=0.11, words='ahead'),
-    Case('hard-stop', ERROR, {'ls_dec': 0.1, 'homing_velocity_fast_dec': 0.1}, words='behind'),
+    Case('hard-stop', WARNING, {'ls_dec': 0.1, 'homing_velocity_fast_dec': 0.1},
+         words='misses its switch'),
+    Case('hard-stop', ERROR, {'home_type': 'LSReverseZPulse', 'switches': [*BOTH, 'z_pulse'],
+                              'homing_velocity_slow': 0.05, 'homing_velocity_slow_dec': 0.1,
+                              'ls_dec': 0.1}, words='behind'),
+    Case('hard-stop', ERROR, {**SERVO_OFF, 'homing_velocity_fast_dec': 0.05},
+         flags=SERVO_OFF_FLAGS, words='external positive limit switch rises'),
+    Case('next-tier', WARNING, {**SERVO_OFF, 'homing_velocity_fast_dec': 0.05},
+         flags=SERVO_OFF_FLAGS, words='does not act on an axis that already brakes'),
+    Case('next-tier', WARNING,
+         {'home_type': 'TouchProbe', 'switches': [*BOTH, NEAR, 'touch_probe'],
+          'near_ls_type': 'SlowDec', 'ls_type': 'ServoOff', 'homing_velocity_slow': 0.05},
+         flags={NEAR: SwitchLayout(0.184, inf)}, layout={'touch_probe': 0.1},
+         words='that one switches the servo off'),
+    Case('hard-stop', ERROR,
+         {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe'], 'ls_type': 'ServoOff',
+          'homing_velocity_slow': 0.05, 'homing_velocity_slow_dec': 0.05},
+         flags={HS: None}, layout={'touch_probe': 0.184}, words='after the touch probe'),
     Case('hard-stop', ERROR, {'switches': [HS, BEHIND]},
          flags={AHEAD: None, HS: SwitchLayout(0.199, 0.21)}, words='home switch rises'),
     Case('end-unguarded', ERROR, {'switches': [HS, BEHIND]}, flags={AHEAD: None},
@@ -359,6 +384,20 @@ def test_the_rehearsal_hits_the_hard_stop_ahead_where_the_check_says_so(
         assert any(hit) is hits, (overrun, part)
 
 
+@pytest.mark.parametrize('direction', [1, -1])
+@pytest.mark.parametrize('values, flags, places', [
+    ({**SERVO_OFF, 'homing_velocity_fast_dec': 0.05}, SERVO_OFF_FLAGS, {}),
+    ({'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe'], 'ls_type': 'ServoOff',
+      'homing_velocity_slow': 0.05, 'homing_velocity_slow_dec': 0.05}, {},
+     {'touch_probe': 0.184})])
+def test_a_limit_that_only_switches_the_servo_off_does_not_stop_a_braking_axis(
+        values, flags, places, direction):
+    case = Case('hard-stop', ERROR, values, flags, places)
+    assert matching(case, case.found(direction))
+    hit = rehearse_from(*case.built(direction), transport_of(Timing()), direction * 0.1).hits
+    assert hit == direction * 0.2
+
+
 @pytest.mark.parametrize('velocity', [0.02, 0.05, 0.1])
 @pytest.mark.parametrize('latency', [0.0, 0.008])
 def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocity, latency):
@@ -420,9 +459,7 @@ def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_
     and case.severity is ERROR], ids=lambda case: f'{case.check}-{case.words}')
 def test_where_an_error_is_found_a_run_fails(case):
     """From some start, that is: or it homes where home is not."""
-    parameters = axis_parameters({**VALUES, **case.values})
-    flags = {name: flag for name, flag in {**FLAGS, **case.flags}.items() if flag}
-    layout = replace(LAYOUT, switches=flags, **case.layout)
+    parameters, layout = case.built()
     trials = (rehearse_from(parameters, layout, transport_of(Timing()), start)
               for start in (0.0002, 0.1998, 0.1, 0.1549, 0.1595, 0.1605, 0.175, 0.184, 0.03))
     assert any(not trial.success or (trial.off and abs(trial.off) > 1e-4) for trial in trials)

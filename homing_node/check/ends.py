@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from math import isfinite
 
 from ..events import Event
+from ..limits import Limit
 from ..motions import Way
 from ..procedures import Row, Step
 from ..states import Input, Role, Tier
@@ -35,40 +36,49 @@ class Ends(Placed):
         self, step: Step, row: Row, limits: list[Stop], events: list[Stop]
     ) -> Iterator[Finding]:
         """Check whether a search can end at the hard stop."""
-        way = row.motion.way
-        velocity, stop = self.p.pace(row.motion.pace)[0], self.at.stops[way]
-        guards = [one for one in limits if one.place < stop]
+        stop = self.at.stops[row.motion.way]
+        guards = sorted((one for one in limits if one.place < stop), key=lambda one: one.place)
         sure = [one for one in events if one.place < stop]
-        if guards:
-            best = min(guards, key=lambda one: one.place + one.overrun(velocity))
-            yield from self._hit(row, best)
-            yield from self._coasting(row, best)
-        elif any(one.place + one.overrun(velocity) > stop for one in sure):
-            yield from self._hit(row, min(sure, key=lambda one: one.place))
-        elif way is Way.TOWARD and self._passable(row, sure):
+        hit = list(self._hits(row, sure, guards))
+        yield from hit
+        passable = self._passable(row, sure)
+        if not guards and not hit:
             yield self._unguarded(
-                Severity.error, 'an axis that starts beyond its reference goes', row)
-        else:
-            yield self._unguarded(
-                Severity.warning, f'if {step.state} misses its switch, the axis goes', row)
+                Severity.error if passable else Severity.warning,
+                'an axis that starts beyond its reference goes' if passable
+                else f'if {step.state} misses its switch, the axis goes', row)
+        for guard in guards[:1]:
+            yield from self._coasting(row, guard)
+            missed = not passable and any(one.place < guard.place for one in sure)
+            yield from self._hits(row, [guard], guards, f'if {step.state} misses its switch, '
+                                  if missed else '')
 
-    def _hit(self, row: Row, one: Stop) -> Iterator[Finding]:
-        """Say where the overrun of a switch ends at the hard stop."""
+    def _hits(
+        self, row: Row, firsts: list[Stop], guards: list[Stop], when: str = ''
+    ) -> Iterator[Finding]:
+        """Say which stops end at the hard stop, if they are what the axis comes to first.
+
+        A limit switch that comes later may brake harder, but only one that does brake. ``when``
+        tells what must fail before that happens.
+        """
         way, pace = row.motion.way, row.motion.pace
-        velocity, room = self.p.pace(pace)[0], self.at.stops[way] - one.place
-        overrun = one.overrun(velocity)
-        if overrun > room:
-            yield self.found(
-                Severity.error, 'hard-stop',
-                f'at {velocity:g} m/s the axis goes on by {overrun:.4g} m after the {one.name}, '
-                f'into the hard stop {SIDES[way]}, which is {room:.4g} m away',
-                f'it takes up to {1e3 * self.delay:.3g} ms until it brakes, then the stop itself',
-                str(pace), overrun, down(one.velocity(room, velocity)), 'm/s')
+        velocity = self.p.pace(pace)[0]
+        for first in firsts:
+            one = min([first, *(guard for guard in guards
+                                if guard.place > first.place and guard.brakes)],
+                      key=lambda each: each.place + each.overrun(velocity))
+            room, overrun = self.at.stops[way] - one.place, one.overrun(velocity)
+            if overrun > room:
+                yield self.found(
+                    Severity.warning if when else Severity.error, 'hard-stop',
+                    f'{when}at {velocity:g} m/s the axis goes on by {overrun:.4g} m after the '
+                    f'{one.name}, into the hard stop {SIDES[way]}, which is {room:.4g} m away',
+                    f'it takes up to {1e3 * self.delay:.3g} ms until it brakes, then the stop '
+                    'itself', str(pace), overrun, down(one.velocity(room, velocity)), 'm/s')
 
     def _coasting(self, row: Row, one: Stop) -> Iterator[Finding]:
         limit = one.limit
-        if (limit and limit.role is Role.NORMAL and limit.action
-                and limit.action.deceleration is None):
+        if limit is not None and one.coasts:
             room = self.at.stops[limit.way] - one.place
             yield self.found(
                 Severity.warning, 'coasting',
@@ -89,10 +99,12 @@ class Ends(Placed):
             f'{subject} on into the hard stop {SIDES[way]} at {velocity:g} m/s',
             'no limit switch acts before it', right[0], velocity, right[1], '')
 
-    def _passable(self, row: Row, events: list[Stop]) -> bool:
-        """Tell whether a search toward can begin beyond all that it waits for."""
-        if Event.Z_PULSE in row.on and not events:
-            return True
+    def _passable(self, row: Row, sure: list[Stop]) -> bool:
+        """Tell whether a search can begin beyond all that it waits for."""
+        if row.motion.way is Way.AWAY:  # it begins at what it leaves
+            return False
+        if row.latches:
+            return not sure or row is self.searches[0][1]
         flag = self.at.flags.get(Input.HOME_SWITCH)
         if Event.HS_RISES in row.on and flag is not None:
             return flag.leaves(Way.TOWARD) < self.at.stops[Way.TOWARD]
@@ -124,11 +136,8 @@ class Ends(Placed):
                 'a limit switch behind ends the run with LSTriggered', right[0], overrun,
                 right[1], right[2])
             return
-        off = (limit.action is not None and limit.action.deceleration is None
-               and limit.role is Role.NORMAL)
         yield self.found(
-            Severity.warning, 'next-tier', what,
-            'that one switches the servo off' if off else "it then brakes with that one's action",
+            Severity.warning, 'next-tier', what, _meeting(one, limit),
             str(row.motion.pace), overrun, slower, 'm/s')
 
     def before_the_end(self) -> Iterator[Finding]:
@@ -176,3 +185,12 @@ class Ends(Placed):
         place = self.at.flags[name].enters(row.motion.way)
         return any(one.place == place and one.overrun(velocity) > width
                    for one in (*self.limit_stops(row), *self.event_stops(row)))
+
+
+def _meeting(one: Stop, limit: Limit) -> str:
+    """Tell what a limit switch does to an axis that a stop has not yet brought to rest."""
+    if limit.action and limit.action.deceleration is not None:
+        return "it then brakes with that one's action"
+    if limit.action and one.limit and one.limit.role is Role.NORMAL:
+        return 'that one switches the servo off'
+    return 'that one does not act on an axis that already brakes'

@@ -35,6 +35,18 @@ class Stop(NamedTuple):
     overrun: Distance
     limit: Limit | None = None
 
+    @property
+    def brakes(self) -> bool:
+        """Whether it brakes an axis that another stop already brakes."""
+        action = self.limit and self.limit.action
+        return bool(action and action.deceleration is not None)
+
+    @property
+    def coasts(self) -> bool:
+        """Whether it switches the servo off and leaves the axis to itself."""
+        limit = self.limit
+        return bool(limit and limit.role is Role.NORMAL and limit.action) and not self.brakes
+
     def velocity(self, room: float, at_most: float) -> float:
         """Return the largest velocity whose overrun stays within a room."""
         return fastest(self.overrun, room, at_most)
