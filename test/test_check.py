@@ -257,7 +257,16 @@ WITH = [
     Case('probe-unreachable', ERROR, {'home_type': 'TouchProbe', 'switches': PROBE},
          layout={'touch_probe': 0.19}),
     Case('probe-unreachable', ERROR, {'home_type': 'HSTouchProbe', 'switches': PROBE},
-         layout={'touch_probe': 0.145}, right=0.0055),
+         layout={'touch_probe': 0.145}, right=0.0054),
+    Case('probe-unreachable', WARNING,
+         {'home_type': 'HSTouchProbe', 'switches': PROBE, 'homing_reverse_distance': 0.0},
+         layout={'touch_probe': 0.1485}, right=0.0016),
+    Case('repeat-off-switch', ERROR,
+         {'home_type': 'HSTouchProbe', 'switches': PROBE, 'homing_reverse_distance': 0.01,
+          'repeat': 2}, layout={'touch_probe': 0.147}, right=1.0),
+    Case('repeat-off-switch', WARNING,
+         {'home_type': 'HSTouchProbe', 'switches': PROBE, 'repeat': 2},
+         layout={'touch_probe': 0.14992}, right=1.0),
     Case('following-error', ERROR, {'following_error': 0.0002}),
     Case('following-error', WARNING, {'following_error': 0.0004}),
     Case('wrong-direction', WARNING, {'wrong_direction_distance': 0.0002}, right=0.0005),
@@ -324,6 +333,28 @@ def test_what_is_called_right_is_right(case):
     left = [one for one in matching(case, again.found()) if one.parameter == found.parameter
             and one.severity is found.severity and one.what.split(' ')[0] == found.what.split()[0]]
     assert not left, left[0].text
+
+
+@pytest.mark.parametrize('direction', [1, -1])
+@pytest.mark.parametrize('case', [
+    # Its hysteresis keeps it on for long enough.
+    Case('flag-debounce', ERROR, {'switch_debounce': 0.02, 'homing_velocity_fast': 0.04},
+         flags={HS: SwitchLayout(0.15, 0.1505, 0.001)}),
+    # The axis overruns the home switch by more than the probe is before it.
+    Case('probe-unreachable', ERROR,
+         {'home_type': 'HSTouchProbe', 'switches': PROBE, 'homing_reverse_distance': 0.0},
+         layout={'touch_probe': 0.1485}),
+    # Beyond the limit switch ahead a run does not begin on the home switch.
+    Case('hs-reverse-bound', ERROR, {'max_hs_on_at_start_reverse_distance': 0.037},
+         flags={HS: SwitchLayout(0.15, 0.2)}),
+], ids=lambda case: case.check)
+def test_what_homes_is_no_error(case, direction):
+    assert not [one.text for one in matching(case, case.found(direction))
+                if one.severity is ERROR]
+    parameters, layout = case.built(direction)
+    for start in (0.1, 0.1499, 0.155, 0.184, 0.1999):
+        trial = rehearse_from(parameters, layout, transport_of(Timing()), direction * start)
+        assert trial.success and abs(trial.off) < 1e-5
 
 
 @pytest.mark.parametrize('home_type', HomeType)
@@ -455,7 +486,8 @@ def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_
         'home-switch-place', 'ls-reverse-bound', 'limits-overlap', 'shift-into-limit',
         'reverse-into-limit', 'search-bound', 'z-pulse-bound', 'z-pulse-check',
         'index-unreachable', 'following-error', 'index-margin', 'end-behind-limit', 'timeout',
-        'flag-debounce', 'hs-reverse-bound', 'probe-unreachable', 'end-too-early', 'end-unguarded')
+        'flag-debounce', 'hs-reverse-bound', 'probe-unreachable', 'repeat-off-switch',
+        'end-too-early', 'end-unguarded')
     and case.severity is ERROR], ids=lambda case: f'{case.check}-{case.words}')
 def test_where_an_error_is_found_a_run_fails(case):
     """From some start, that is: or it homes where home is not."""

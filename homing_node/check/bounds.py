@@ -8,7 +8,7 @@ from ..motions import Bound, Pace, Way
 from ..procedures import Row
 from ..states import LATCHES, HomeType, IndexMarginAction, Input, Role
 from .finding import Finding, Severity, up
-from .geometry import arming_edge
+from .geometry import Flag, arming_edge
 from .placed import SIDES, Placed
 from .stopping import turning_distance
 
@@ -88,7 +88,9 @@ class Bounds(Placed):
                 row.bound is not Bound.HS_ON_AT_START for _, row in self.searches):
             return
         name, bound = self._bound(Bound.HS_ON_AT_START)
-        width = min(home.high, self.at.stops[Way.TOWARD]) + home.leaves(Way.AWAY)
+        # On a limit switch ahead a run begins with the reversal.
+        begin = min([home.high, self.at.stops[Way.TOWARD], *self.first_limits(Way.TOWARD)])
+        width = begin + home.leaves(Way.AWAY)
         if isfinite(width) and bound < width:
             yield self.found(
                 Severity.error, 'hs-reverse-bound',
@@ -244,13 +246,39 @@ class Bounds(Placed):
                 Severity.error, 'probe-unreachable',
                 f'the touch probe is {at.probe - end:.4g} m beyond what ends the search before it',
                 'no run comes to it', 'touch_probe', at.raw(at.probe))
-        elif home and p.home_type is HomeType.HSTouchProbe and (
-                at.probe <= home.low - home.hysteresis - p.homing_reverse_distance):
+        elif home and p.home_type is HomeType.HSTouchProbe:
+            yield from self._probe_before(home, at.probe)
+
+    def _probe_before(self, home: Flag, probe: float) -> Iterator[Finding]:
+        """Check a touch probe that comes before the home switch, which is sought first."""
+        p = self.p
+        off = next(row for _, row in self.searches if row.motion.way is Way.AWAY)
+        overrun = next(self.event_stops(off)).overrun(p.homing_velocity_fast)
+        gap = -home.leaves(Way.AWAY) - probe
+        if gap > p.homing_reverse_distance:
+            found = gap < overrun
             yield self.found(
-                Severity.error, 'probe-unreachable',
-                f'the touch probe is {home.low - at.probe:.4g} m before the home switch, where '
-                'the search for it begins too late', 'no run finds it', 'homing_reverse_distance',
-                p.homing_reverse_distance, up(1.1 * (home.low - at.probe)))
+                Severity.warning if found else Severity.error, 'probe-unreachable',
+                f'the touch probe is {gap:.4g} m before the home switch, the search for it begins '
+                f'{p.homing_reverse_distance:g} m before it (homing_reverse_distance)',
+                'only the overrun makes up for it' if found else 'no run finds it',
+                'homing_reverse_distance', p.homing_reverse_distance, up(1.1 * gap))
+        if p.repeat > 1:
+            yield from self._probe_again(home, probe)
+
+    def _probe_again(self, home: Flag, probe: float) -> Iterator[Finding]:
+        """Check that the axis is on the home switch when it turns for the next pass."""
+        row = next(row for _, row in self.searches if Event.TOUCH_PROBE in row.on)
+        turn, room = self.braking(row, row.on[Event.REPEAT]), home.low - probe
+        velocity = self.p.homing_velocity_slow
+        if turn(velocity) < room:
+            never = self.late(row, probe, turn)(velocity) < room
+            yield self.found(
+                Severity.error if never else Severity.warning, 'repeat-off-switch',
+                f'the touch probe is {room:.4g} m before the home switch, which the axis must '
+                'have reached when it turns for the next pass',
+                'it waits for the home switch to fall: the run ends at the limit switch behind',
+                'repeat', float(self.p.repeat), 1.0, '')
 
     # --------------------------------------------------------------------------- following errors
 

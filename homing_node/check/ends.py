@@ -161,11 +161,11 @@ class Ends(Placed):
             limit = self.limits.get(name)
             if limit is None and not (used and name is Input.HOME_SWITCH):
                 continue
-            width = flag.high - flag.low
             for _, row in self.searches:
                 way, velocity = row.motion.way, p.pace(row.motion.pace)[0]
                 if (limit and limit.way is not way) or flag.leaves(way) >= at.stops[way]:
                     continue
+                width = flag.leaves(way) - flag.enters(way)
                 if width / velocity < p.switch_debounce:
                     yield self.found(
                         Severity.error, 'flag-debounce',
@@ -176,7 +176,8 @@ class Ends(Placed):
                 elif self._passed(name, row, width, velocity):
                     yield self.found(
                         Severity.info, 'flag-narrow',
-                        f'{name} is {width:.4g} m wide, the overrun at {velocity:g} m/s is longer',
+                        f'{name} is on over {width:.4g} m, the overrun at {velocity:g} m/s is '
+                        'longer',
                         'the axis stops or turns beyond the flag; that is fine, its edges are '
                         'told apart', str(name), width)
 
