@@ -315,10 +315,15 @@ class AxisParameters:
         if self.repeat > 1 and Event.REPEAT not in procedure.events:
             faults.append(f'repeat: {self.repeat} must be 1 for {self.home_type}, which has no '
                           'slow pass over a switch or probe (HSHS and HSTouchProbe do)')
-        homes_on_limit = Role.REFERENCE in procedure.limits_ahead.values()
-        if homes_on_limit and self.home_shift_distance > 0:
+        end = ('limit switch' if Role.REFERENCE in procedure.limits_ahead.values() else
+               'mechanical end' if self.home_type is HomeType.MechanicalEndDetection else '')
+        if end and self.home_shift_distance > 0:
             faults.append(f'home_shift_distance: {self.home_shift_distance:g} m must be <= 0 m '
-                          f'for {self.home_type} (it would move on into the limit switch)')
+                          f'for {self.home_type} (it would move on into the {end})')
+        bound, delay = self.max_z_pulse_distance, self.z_pulse_arm_delay
+        if Event.Z_PULSE in procedure.events and 0.0 < bound <= delay:
+            faults.append(f'max_z_pulse_distance: {bound:g} m must be > z_pulse_arm_delay, '
+                          f'{delay:g} m (0: no such bound)')
         for needed in sorted(procedure.inputs):
             if needed not in self.switches:
                 faults.append(f'switches: {needed} is missing; {self.home_type} needs it')

@@ -43,7 +43,9 @@ and when a run starts:
 - `homing_reverse_distance` < `travel`, |`home_shift_distance`| ≤ `travel`;
 - `max_search_distance` ≤ 2 × `travel`; `max_ls_reverse_distance` and
   `max_hs_on_at_start_reverse_distance` ≤ the search bound;
-- `home_shift_distance` ≤ 0 for the types that home on a limit switch;
+- `home_shift_distance` ≤ 0 for the types that home on a limit switch, and for
+  `MechanicalEndDetection`;
+- `max_z_pulse_distance`, if set, > `z_pulse_arm_delay`;
 - the inputs that `home_type` needs are in `switches`, and a near or external limit that it homes
   on has a type other than `None`;
 - `mechanical_end_detection_pos_diff` > 0 for the types that home on the mechanical end.

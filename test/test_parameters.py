@@ -243,6 +243,13 @@ CROSS = [
     ({'home_type': 'LS', 'home_shift_distance': 0.01},
      'home_shift_distance: 0.01 m must be <= 0 m for LS '
      '(it would move on into the limit switch)'),
+    ({'home_type': 'MechanicalEndDetection', 'mechanical_end_detection_pos_diff': 0.001,
+      'home_shift_distance': 0.01},
+     'home_shift_distance: 0.01 m must be <= 0 m for MechanicalEndDetection '
+     '(it would move on into the mechanical end)'),
+    ({'home_type': 'ZPulse', 'switches': ['z_pulse'], 'max_z_pulse_distance': 0.01,
+      'z_pulse_arm_delay': 0.01},
+     'max_z_pulse_distance: 0.01 m must be > z_pulse_arm_delay, 0.01 m (0: no such bound)'),
     ({'switches': ['positive_limit_switch']}, 'switches: home_switch is missing; HS needs it'),
     ({'home_type': 'HSZPulse'}, 'switches: z_pulse is missing; HSZPulse needs it'),
     ({'home_type': 'TouchProbe'}, 'switches: touch_probe is missing; TouchProbe needs it'),
