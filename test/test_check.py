@@ -170,12 +170,34 @@ WITH = [
     Case('shift-into-stop', ERROR, {'home_shift_distance': 0.06}, right=0.047),
     Case('shift-into-limit', ERROR, {'home_shift_distance': 0.04}, right=0.033, words=AHEAD),
     Case('shift-into-limit', ERROR, {'home_shift_distance': -0.145}, right=-0.13, words=BEHIND),
+    Case('shift-into-limit', ERROR,
+         {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe']},
+         flags={BEHIND: SwitchLayout(-inf, 0.03)}, layout={'touch_probe': 0.02}, right=0.011,
+         words=BEHIND),
+    Case('shift-into-limit', ERROR,
+         {**END, 'home_type': 'MechanicalEndDetectionReverseZPulse', 'ls_type': 'None',
+          'switches': [*BOTH, 'z_pulse']}, words=AHEAD),
+    Case('shift-from-anywhere', WARNING,
+         {'home_type': 'CurrentPos', 'switches': BOTH, 'home_shift_distance': -0.05},
+         words=BEHIND),
+    Case('shift-from-anywhere', WARNING,
+         {'home_type': 'ZPulse', 'switches': [*BOTH, 'z_pulse'], 'home_shift_distance': 0.02},
+         words=AHEAD),
+    Case('hard-stop', ERROR,
+         {'home_type': 'CurrentPos', 'switches': BOTH, 'home_shift_distance': -0.05,
+          'home_shift_velocity': 0.2, 'max_jerk': 10.0}, words='behind'),
+    Case('end-unguarded', ERROR,
+         {'home_type': 'CurrentPos', 'switches': [BEHIND], 'home_shift_distance': 0.05},
+         flags={AHEAD: None}, right=f'with {AHEAD}'),
+    Case('home-switch-place', ERROR,
+         {**END, 'home_type': 'MechanicalEndDetectionHS', 'switches': [HS, BEHIND]},
+         flags={HS: SwitchLayout(0.005, 0.009), AHEAD: None}, words='limit switch behind'),
     Case('hard-stop', ERROR, {'homing_velocity_fast': 0.15}, right=0.11, words='ahead'),
     Case('hard-stop', WARNING, {'ls_dec': 0.1, 'homing_velocity_fast_dec': 0.1},
          words='misses its switch'),
-    Case('hard-stop', ERROR, {'home_type': 'LSReverseZPulse', 'switches': [*BOTH, 'z_pulse'],
-                              'homing_velocity_slow': 0.05, 'homing_velocity_slow_dec': 0.1,
-                              'ls_dec': 0.1}, words='behind'),
+    Case('hard-stop', ERROR,
+         {'switches': [HS, AHEAD], 'homing_velocity_fast': 0.1, 'homing_velocity_fast_acc': 0.3},
+         flags={HS: SwitchLayout(0.015, 0.025), BEHIND: None}, words='behind'),
     Case('hard-stop', ERROR, {**SERVO_OFF, 'homing_velocity_fast_dec': 0.05},
          flags=SERVO_OFF_FLAGS, words='external positive limit switch rises'),
     Case('next-tier', WARNING, {**SERVO_OFF, 'homing_velocity_fast_dec': 0.05},
@@ -213,7 +235,7 @@ WITH = [
     Case('reverse-into-limit', ERROR,
          {'home_type': 'HSReverseZPulse', 'switches': Z, 'homing_velocity_slow': 0.05},
          layout={'index_offset': 0.001}, flags={BEHIND: SwitchLayout(-inf, 0.1405)},
-         words='index pulse'),
+         words='after the Z-pulse'),
     Case('end-behind-limit', ERROR, {**END, 'switches': BOTH}, right=True),
     Case('flag-debounce', ERROR, {'switch_debounce': 0.01},
          flags={HS: SwitchLayout(0.15, 0.1503)}, right=0.003),
@@ -254,6 +276,12 @@ WITH = [
     Case('index-unreachable', ERROR,
          {'home_type': 'HSOffZPulse', 'switches': [HS, BEHIND, 'z_pulse']},
          flags={AHEAD: None}, layout={'index_pitch': 0.1}, words='hard stop'),
+    Case('probe-passed', WARNING, {'home_type': 'TouchProbe', 'switches': PROBE},
+         layout={'touch_probe': 0.1}, right='HSTouchProbe'),
+    Case('probe-passed', WARNING, {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe']},
+         layout={'touch_probe': 0.1}),
+    Case('end-unguarded', ERROR, {'home_type': 'TouchProbe', 'switches': ['touch_probe']},
+         flags={AHEAD: None, BEHIND: None}, layout={'touch_probe': 0.05}, words='ahead'),
     Case('probe-unreachable', ERROR, {'home_type': 'TouchProbe', 'switches': PROBE},
          layout={'touch_probe': 0.19}),
     Case('probe-unreachable', ERROR, {'home_type': 'HSTouchProbe', 'switches': PROBE},
@@ -468,8 +496,8 @@ def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_
                                           AHEAD: SwitchLayout(0.17, inf)}, start=0.1)
         return layout if direction > 0 else mirrored(layout)
     ends = Ends('x', parameters, built(-inf), Timing())
-    row = next(row for _, row in ends.searches if row.motion.way is Way.AWAY)
-    overrun = next(ends.event_stops(row)).overrun(0.1)
+    step, row = next(each for each in ends.searches if each[1].motion.way is Way.AWAY)
+    overrun = next(ends.event_stops(step, row)).overrun(0.1)
     for part, hits in ((0.8, True), (1.01, False)):
         layout = built(0.08 - part * overrun)
         said = [one for one in check_axis('x', parameters, layout)
@@ -487,7 +515,7 @@ def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_
         'reverse-into-limit', 'search-bound', 'z-pulse-bound', 'z-pulse-check',
         'index-unreachable', 'following-error', 'index-margin', 'end-behind-limit', 'timeout',
         'flag-debounce', 'hs-reverse-bound', 'probe-unreachable', 'repeat-off-switch',
-        'end-too-early', 'end-unguarded')
+        'hard-stop', 'end-too-early', 'end-unguarded')
     and case.severity is ERROR], ids=lambda case: f'{case.check}-{case.words}')
 def test_where_an_error_is_found_a_run_fails(case):
     """From some start, that is: or it homes where home is not."""

@@ -16,6 +16,7 @@ from .bounds import Bounds
 from .ends import Ends
 from .finding import Finding, Severity, Timing, worst_first
 from .places import Places
+from .shift import Shift
 from .values import check_values
 
 __all__ = ['Finding', 'Severity', 'Timing', 'check', 'check_axis', 'errors']
@@ -58,7 +59,7 @@ def check_axis(
     timing = timing or Timing()
     findings = list(check_values(axis, parameters, timing, layout is not None))
     if layout is not None:
-        for part in (Places, Ends, Bounds):
+        for part in (Places, Ends, Bounds, Shift):
             findings += part(axis, parameters, layout, timing).check()
     return worst_first(findings)
 

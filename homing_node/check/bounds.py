@@ -5,10 +5,10 @@ from math import isfinite
 
 from ..events import Event
 from ..motions import Bound, Pace, Way
-from ..procedures import Row
+from ..procedures import Row, Step
 from ..states import LATCHES, HomeType, IndexMarginAction, Input, Role
 from .finding import Finding, Severity, up
-from .geometry import Flag, arming_edge
+from .geometry import Flag, arming_edge, index_pulse, place_of
 from .placed import SIDES, Placed
 from .stopping import turning_distance
 
@@ -104,8 +104,8 @@ class Bounds(Placed):
         p, at = self.p, self.at
         if not self.searches:
             return
-        _, row = self.searches[0]
-        edge = self._end_of(row)
+        step, row = self.searches[0]
+        edge = self._end_of(step, row)
         begin = min([*self.first_limits(Way.AWAY), at.stops[Way.AWAY]])
         if edge is None or not isfinite(begin):
             return
@@ -132,15 +132,10 @@ class Bounds(Placed):
                 's', 'from the far end it ends with Timeout (0: computed)', 'timeout', p.timeout,
                 0.0, 's')
 
-    def _end_of(self, row: Row) -> float | None:
+    def _end_of(self, step: Step, row: Row) -> float | None:
         """Return where a search ends at the latest, along its way."""
-        at, way = self.at, row.motion.way
-        known = [edge for event in row.on if event not in (Event.HS_ON, Event.LS_ON)
-                 and (edge := at.edge(event, way)) is not None]
-        if Event.TOUCH_PROBE in row.on and at.probe is not None:
-            known.append(way * at.probe)
-        if Event.END_DETECTED in row.on and isfinite(at.stops[way]):
-            known.append(at.stops[way])
+        known = [place for event in row.on if event not in (Event.HS_ON, Event.LS_ON)
+                 and (place := place_of(self.at, event, step, row)) is not None]
         return min(known, default=None)
 
     # -------------------------------------------------------------------------------------- index
@@ -161,14 +156,13 @@ class Bounds(Placed):
         for step, row in self.searches:
             if Event.Z_PULSE not in row.on:
                 continue
-            armed = arming_edge(at, step, row)
-            first = armed and at.pulse(armed[1] + p.z_pulse_arm_delay, row.motion.way)
+            armed, last = arming_edge(at, step, row), index_pulse(at, step, row)
             needed = pitch if count > 1 else 0.0
-            if armed and first is not None:
-                distance = first - armed[1]
+            if armed and last is not None:
+                distance = last - (count - 1) * pitch - armed[1]
                 yield from self._margin(
                     armed[0], distance - p.z_pulse_arm_delay, row.motion.way)
-                yield from self._comes_first(row, first + (count - 1) * pitch, count)
+                yield from self._comes_first(row, last, count)
                 needed = max(distance, needed)
             yield from self._pulse_bound(needed)
         if p.home_type is HomeType.ZPulse and isfinite(at.span) and at.span > pitch:
@@ -176,7 +170,8 @@ class Bounds(Placed):
                 Severity.warning, 'index-ambiguous',
                 f'an index pulse comes every {pitch:g} m, the axis is {at.span:.4g} m long',
                 'which pulse becomes home depends on where the run starts', 'home_type',
-                at.span / pitch, 'HSZPulse', '')
+                at.span / pitch,
+                self.with_home_switch(HomeType.HSZPulse), '')
 
     def _margin(self, name: str, distance: float, way: Way) -> Iterator[Finding]:
         """Check how far behind the arming edge the pulse comes: best is half a pitch."""
@@ -194,8 +189,8 @@ class Bounds(Placed):
             float(f'{self.p.z_pulse_arm_delay + (distance - pitch / 2) % pitch:.4g}'))
 
     def _comes_first(self, row: Row, pulse: float, count: int) -> Iterator[Finding]:
-        """Check that the axis can take the pulse, and stop, before what ends the search."""
-        p, way = self.p, row.motion.way
+        """Check that the pulse comes before what ends the search."""
+        way = row.motion.way
         text = f'index pulse {count}' if count > 1 else 'the index pulse'
         stop = self.at.stops[way]
         if pulse >= stop:
@@ -204,24 +199,12 @@ class Bounds(Placed):
                 f'{text} is {pulse - stop:.4g} m beyond the hard stop {SIDES[way]}',
                 'no run comes to it')
             return
-        step = row.on[Event.Z_PULSE]
-        velocity = p.pace(row.motion.pace)[0]
-        overrun = self.late(row, pulse, self.braking(row, step))(velocity)
         for one in self.limit_stops(row):
-            if one.limit is None:
-                continue
-            if pulse >= one.place:
+            if one.limit is not None and pulse >= one.place:
                 yield self.found(
                     Severity.error, 'index-unreachable',
                     f'{text} is {pulse - one.place:.4g} m beyond where {one.limit.input} rises',
                     'no run comes to it')
-            elif way is Way.AWAY and pulse + overrun > one.place:
-                yield self.found(
-                    Severity.error, 'reverse-into-limit',
-                    f'{text} is {one.place - pulse:.4g} m before {one.limit.input}, the axis '
-                    f'overruns it by up to {overrun:.4g} m',
-                    'a limit switch behind ends the run with LSTriggered', str(row.motion.pace),
-                    overrun)
 
     def _pulse_bound(self, needed: float) -> Iterator[Finding]:
         bound, pitch = self.p.max_z_pulse_distance, self.layout.index_pitch
@@ -246,14 +229,20 @@ class Bounds(Placed):
                 Severity.error, 'probe-unreachable',
                 f'the touch probe is {at.probe - end:.4g} m beyond what ends the search before it',
                 'no run comes to it', 'touch_probe', at.raw(at.probe))
+        elif p.home_type is HomeType.TouchProbe:
+            yield self.found(
+                Severity.warning, 'probe-passed',
+                f'the touch probe is at {at.raw(at.probe):g}, the search for it goes one way',
+                'a run that starts beyond it does not find it', 'home_type', None,
+                self.with_home_switch(HomeType.HSTouchProbe), '')
         elif home and p.home_type is HomeType.HSTouchProbe:
             yield from self._probe_before(home, at.probe)
 
     def _probe_before(self, home: Flag, probe: float) -> Iterator[Finding]:
         """Check a touch probe that comes before the home switch, which is sought first."""
         p = self.p
-        off = next(row for _, row in self.searches if row.motion.way is Way.AWAY)
-        overrun = next(self.event_stops(off)).overrun(p.homing_velocity_fast)
+        off = next(each for each in self.searches if each[1].motion.way is Way.AWAY)
+        overrun = next(self.event_stops(*off)).overrun(p.homing_velocity_fast)
         gap = -home.leaves(Way.AWAY) - probe
         if gap > p.homing_reverse_distance:
             found = gap < overrun

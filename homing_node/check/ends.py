@@ -20,7 +20,7 @@ class Ends(Placed):
             if Event.END_DETECTED in row.on:
                 yield from self.before_the_end()
                 continue
-            limits, events = list(self.limit_stops(row)), list(self.event_stops(row))
+            limits, events = list(self.limit_stops(row)), list(self.event_stops(step, row))
             if self._known(row.motion.way):
                 yield from self.hard_stop(step, row, limits, events)
             for one in events + limits:
@@ -161,7 +161,7 @@ class Ends(Placed):
             limit = self.limits.get(name)
             if limit is None and not (used and name is Input.HOME_SWITCH):
                 continue
-            for _, row in self.searches:
+            for step, row in self.searches:
                 way, velocity = row.motion.way, p.pace(row.motion.pace)[0]
                 if (limit and limit.way is not way) or flag.leaves(way) >= at.stops[way]:
                     continue
@@ -173,7 +173,7 @@ class Ends(Placed):
                         f'm/s, less than switch_debounce, {1e3 * p.switch_debounce:g} ms',
                         'it is never believed to be on', 'switch_debounce', width / velocity,
                         down(0.5 * width / velocity), 's')
-                elif self._passed(name, row, width, velocity):
+                elif self._passed(name, step, row, width, velocity):
                     yield self.found(
                         Severity.info, 'flag-narrow',
                         f'{name} is on over {width:.4g} m, the overrun at {velocity:g} m/s is '
@@ -181,11 +181,13 @@ class Ends(Placed):
                         'the axis stops or turns beyond the flag; that is fine, its edges are '
                         'told apart', str(name), width)
 
-    def _passed(self, name: Input, row: Row, width: float, velocity: float) -> bool:
+    def _passed(
+        self, name: Input, step: Step, row: Row, width: float, velocity: float
+    ) -> bool:
         """Tell whether the overrun of a flag's own edge goes past the flag."""
         place = self.at.flags[name].enters(row.motion.way)
         return any(one.place == place and one.overrun(velocity) > width
-                   for one in (*self.limit_stops(row), *self.event_stops(row)))
+                   for one in (*self.limit_stops(row), *self.event_stops(step, row)))
 
 
 def _meeting(one: Stop, limit: Limit) -> str:

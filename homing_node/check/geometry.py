@@ -122,6 +122,34 @@ def arming_edge(
     return None
 
 
+def index_pulse(
+    geometry: Geometry, step: Step, row: Row, start: float | None = None
+) -> float | None:
+    """Return where the index pulse that a row waits for is, along the row's way.
+
+    ``start`` is the raw start position, for a row that waits for one from there on.
+    """
+    way, p = row.motion.way, geometry.parameters
+    armed = arming_edge(geometry, step, row)
+    if armed is None and start is not None and not entries(p, step):
+        armed = 'the start', way * geometry.sign * start
+    return geometry.pulse(
+        armed[1] + p.z_pulse_arm_delay, way, max(1, p.multiple_z_pulse)) if armed else None
+
+
+def place_of(geometry: Geometry, event: Event, step: Step, row: Row) -> float | None:
+    """Return where an event of a row comes about, along the row's way; None: not known."""
+    way = row.motion.way
+    if event is Event.Z_PULSE:
+        return index_pulse(geometry, step, row)
+    if event is Event.TOUCH_PROBE:
+        return None if geometry.probe is None else way * geometry.probe
+    if event is Event.END_DETECTED:
+        end = geometry.stops[way]
+        return end if isfinite(end) else None
+    return geometry.edge(event, way)
+
+
 def true_home(geometry: Geometry, start: float | None = None) -> float | None:
     """Return where home is, raw, as the layout says; None where that is not known.
 
@@ -144,17 +172,9 @@ def _reference(
     """Return where the home position is taken, along the row's way."""
     way = row.motion.way
     if event is Event.Z_PULSE:
-        armed = arming_edge(geometry, step, row)
-        if armed is None and start is not None and not entries(geometry.parameters, step):
-            armed = 'the start', way * geometry.sign * start
-        count = max(1, geometry.parameters.multiple_z_pulse)
-        delay = geometry.parameters.z_pulse_arm_delay
-        return geometry.pulse(armed[1] + delay, way, count) if armed else None
-    if event is Event.TOUCH_PROBE:
-        return None if geometry.probe is None else way * geometry.probe
-    if event is Event.END_DETECTED:
-        end = geometry.stops[Way.TOWARD]
-        return end if isfinite(end) else None
+        return index_pulse(geometry, step, row, start)
+    if geometry.flag_of(event) is None:
+        return place_of(geometry, event, step, row)
     edges = [geometry.edge(one, way) for one, target in row.on.items() if target == HOME_SHIFT]
     known = [edge for edge in edges if edge is not None]
     if Event.END_DETECTED in geometry.parameters.procedure.events:

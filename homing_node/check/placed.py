@@ -14,9 +14,9 @@ from ..limits import Limit, limits_of
 from ..motions import Kind, Way
 from ..parameters import AxisParameters
 from ..procedures import Row, Step
-from ..states import Input, Role, Tier
+from ..states import HomeType, Input, Role, Tier
 from .finding import Finding, Severity, Timing
-from .geometry import Geometry
+from .geometry import Geometry, place_of
 from .stopping import fastest, reaction_distance, stopping_distance, turning_distance
 
 Distance = Callable[[float], float]
@@ -71,6 +71,10 @@ class Placed:
     ) -> Finding:
         return Finding(severity, self.axis, check, what, why, parameter, value, right, unit)
 
+    def with_home_switch(self, home_type: HomeType) -> str | None:
+        """Return a home type that needs a home switch, where there is one."""
+        return str(home_type) if Input.HOME_SWITCH in self.p.switches else None
+
     def raw(self, place: float, way: Way) -> float:
         """Return a place along a way as a raw position."""
         return self.at.raw(way * place)
@@ -107,25 +111,23 @@ class Placed:
                 stops.append(self.late(row, place, self._stopped(limit)))
             yield Stop(f'{name.text} rises', place, partial(_longest, stops), limit)
 
-    def event_stops(self, row: Row) -> Iterator[Stop]:
+    def event_stops(self, step: Step, row: Row) -> Iterator[Stop]:
         """Yield where the edges that a row waits for stop or turn the axis."""
         way, p = row.motion.way, self.p
-        for event, step in row.on.items():
+        for event, then in row.on.items():
             if event in (Event.LS_RISES, Event.LS_ON, Event.HS_ON):
                 continue
-            motion = p.procedure.rows[step].motion
+            motion = p.procedure.rows[then].motion
             goes_on = motion.kind is Kind.SEARCH and motion.way is way
-            place = self.at.edge(event, way)
-            if event is Event.TOUCH_PROBE and self.at.probe is not None:
-                place = way * self.at.probe
+            place = place_of(self.at, event, step, row)
             if place is not None and not goes_on:
                 further = motion.kind is Kind.FURTHER
                 # Where the edge was is known when the feedback behind it has come.
                 wait = self.timing.feedback_period if further else 0.0
-                overrun = self.late(row, place, self.braking(row, step), wait)
+                overrun = self.late(row, place, self.braking(row, then), wait)
                 if further:
-                    then = p.procedure.rows[step].on[Event.DONE]
-                    turn = self.late(row, place, self.braking(row, then), wait)
+                    done = p.procedure.rows[then].on[Event.DONE]
+                    turn = self.late(row, place, self.braking(row, done), wait)
                     overrun = partial(_further, p.homing_reverse_distance, overrun, turn)
                 yield Stop(str(event), place, overrun)
 

@@ -1,4 +1,4 @@
-"""Checks where the switches are: wiring, polarity, order along the axis, and the final move."""
+"""Checks where the switches are: wiring, polarity, order along the axis."""
 
 from collections.abc import Iterator
 from math import isfinite
@@ -6,9 +6,9 @@ from math import isfinite
 from ..events import Event
 from ..limits import Limit
 from ..motions import Way
-from ..states import LIMIT_PAIRS, LIMIT_SWITCHES, Input, LSDirection, Role, Tier
-from .finding import Finding, Severity, down, up
-from .geometry import Flag, true_home
+from ..states import LIMIT_PAIRS, LIMIT_SWITCHES, Input, LSDirection, Tier
+from .finding import Finding, Severity, up
+from .geometry import Flag
 from .placed import SIDES, Placed
 from .stopping import stopping_distance
 
@@ -29,7 +29,6 @@ class Places(Placed):
             yield from self.pair(tier)
         yield from self.limit_flags()
         yield from self.home_switch()
-        yield from self.shift()
 
     def wiring(self) -> Iterator[Finding]:
         """Check what is fitted against what is wired."""
@@ -150,18 +149,21 @@ class Places(Placed):
         if flag is None or Input.HOME_SWITCH not in p.procedure.inputs:
             return
         ahead, behind = self.first_limits(Way.TOWARD), self.first_limits(Way.AWAY)
+        begin = min([*behind, at.stops[Way.AWAY]])
+        behind_it = f'the {"limit switch" if behind else "hard stop"} behind'
         if p.homes_on_mechanical_end:
+            first = (flag.leaves if flag.high >= at.stops[Way.TOWARD] else flag.enters)(Way.AWAY)
             if flag.low > at.stops[Way.TOWARD]:
                 yield self._misplaced('the hard stop ahead', flag.low)
+            elif first >= begin:
+                yield self._misplaced(behind_it, -first)
             return
         edge = flag.low if Event.HS_RISES in self.searches[0][1].on else flag.leaves(Way.TOWARD)
         end = min([*ahead, at.stops[Way.TOWARD]])
-        begin = min([*behind, at.stops[Way.AWAY]])
         if edge >= end:
             yield self._misplaced(f'the {"limit switch" if ahead else "hard stop"} ahead', edge)
         elif flag.leaves(Way.AWAY) >= begin:
-            yield self._misplaced(
-                f'the {"limit switch" if behind else "hard stop"} behind', flag.low)
+            yield self._misplaced(behind_it, flag.low)
         elif ahead and isfinite(begin):
             part = (end - edge) / (end + begin)
             if part > FAR:
@@ -178,31 +180,3 @@ class Places(Placed):
             Severity.error, 'home-switch-place', f'the edge of home_switch lies beyond {where}',
             'no run finds it; is home_direction right?', str(Input.HOME_SWITCH),
             self.at.raw(place))
-
-    def shift(self) -> Iterator[Finding]:
-        """Check where the final move goes."""
-        p, at = self.p, self.at
-        home = true_home(at, self.layout.start)
-        if home is None or not p.home_shift_distance:
-            return
-        way = Way.TOWARD if p.home_shift_distance > 0.0 else Way.AWAY
-        home = way * at.sign * home
-        end = home + abs(p.home_shift_distance)
-        if end > at.stops[way]:
-            yield self._beyond(f'the hard stop {SIDES[way]}', 'the travel ends there',
-                               'shift-into-stop', end, at.stops[way], home, way)
-            return
-        for name, limit in self.limits.items():
-            flag = at.flags.get(name)
-            if (flag is not None and limit.way is way and limit.role is not Role.IGNORED
-                    and end >= flag.enters(way)):
-                yield self._beyond(f'where {name} rises', 'the run ends with LSTriggered',
-                                   'shift-into-limit', end, flag.enters(way), home, way)
-
-    def _beyond(
-        self, where: str, why: str, check: str, end: float, bar: float, home: float, way: Way
-    ) -> Finding:
-        return self.found(
-            Severity.error, check, f'the final move ends {end - bar:.4g} m beyond {where}', why,
-            'home_shift_distance', self.p.home_shift_distance,
-            way * down(0.95 * max(0.0, bar - home)))
