@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from homing_node.check import Severity, Timing, check, check_axis, errors
+from homing_node.check.bounds import Bounds
 from homing_node.check.ends import Ends
 from homing_node.check.finding import down, up
 from homing_node.check.geometry import Geometry, true_home
@@ -249,7 +250,17 @@ WITH = [
     Case('hs-reverse-bound', ERROR, {'max_hs_on_at_start_reverse_distance': 0.01}, right=0.011),
     Case('search-bound', ERROR, {'max_search_distance': 0.13}, right=0.16),
     Case('search-bound', WARNING, {'max_search_distance': 0.145}, right=0.16),
-    Case('timeout', ERROR, {'timeout': 2.7}, right=0.0),
+    Case('timeout', ERROR, {'timeout': 2.7}, right=0.0, words='the far end'),
+    Case('timeout', ERROR, {'timeout': 3.1, 'homing_velocity_slow': 0.004,
+                            'home_shift_distance': -0.01, 'home_shift_velocity': 0.02},
+         right=0.0),
+    Case('timeout', ERROR, {'timeout': 1.0}, flags={HS: SwitchLayout(0.02, 0.03)},
+         words='beyond the home switch'),
+    Case('timeout', ERROR, {'timeout': 3.5, 'repeat': 3}),
+    Case('timeout', ERROR, {'home_type': 'LSReverseZPulse', 'switches': [*BOTH, 'z_pulse'],
+                            'timeout': 3.6, 'homing_velocity_slow': 0.001}),
+    Case('flag-debounce', WARNING, {'switch_debounce': 0.01},
+         flags={BEHIND: SwitchLayout(0.0097, 0.01)}, words=BEHIND),
     Case('z-pulse-check', ERROR,
          {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.02,
           'multiple_z_pulse': 2}, right=0.01),
@@ -401,6 +412,20 @@ def test_geometry_knows_where_home_is(home_type):
         home = true_home(Geometry(example.parameters, example.layout), run.start)
         assert outcome.success
         assert outcome.home_position_raw == pytest.approx(home, abs=1e-6)
+
+
+@pytest.mark.parametrize('home_type', HomeType)
+def test_no_run_takes_less_than_the_least_time(home_type):
+    """From off the switches; of ZPulse it is not known where the pulse is."""
+    example = EXAMPLES[home_type]
+    bounds = Bounds('x', example.parameters, example.layout, Timing())
+    for run in example.runs:
+        if any(flag.on_from <= run.start <= flag.on_to
+               for flag in example.layout.switches.values()):
+            continue
+        least, took = bounds.least_time(run.start), example.rehearse(run).duration
+        assert least < took
+        assert least > 0.4 * took or home_type is HomeType.ZPulse
 
 
 # ------------------------------------------------------ what is said of hard stops is what happens

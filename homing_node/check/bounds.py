@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from math import isfinite
 
 from ..events import Event
-from ..motions import Bound, Pace, Way
-from ..procedures import Row, Step
+from ..motions import Bound, Kind, Pace, Way
+from ..procedures import HOME_SHIFT, Row, Step
 from ..states import LATCHES, HomeType, IndexMarginAction, Input, Role
 from .finding import Finding, Severity, up
 from .geometry import Flag, arming_edge, index_pulse, place_of
@@ -19,6 +19,8 @@ MARGINS = {
 }
 #: A drive that hears nothing for this many cycles must not stop.
 QUIET_CYCLES = 3
+#: More steps than any run takes for a pass.
+MOST_STEPS = 20
 
 
 class Bounds(Placed):
@@ -124,13 +126,54 @@ class Bounds(Placed):
                 f'the first search goes {longest:.4g} m',
                 'a run that starts there ends with SearchDistanceExceeded',
                 'max_search_distance', p.search_distance, up(1.05 * longest))
-        least = free / p.pace(row.motion.pace)[0]
-        if p.timeout and p.timeout < least:
+        yield from self._timeout(-begin)
+
+    def _timeout(self, begin: float) -> Iterator[Finding]:
+        """Check the timeout against runs from the far end and from beyond the home switch."""
+        timeout, home = self.p.timeout, self.at.flags.get(Input.HOME_SWITCH)
+        starts = {'the far end': begin}
+        if home and Role.REVERSAL in self.p.procedure.limits_ahead.values():
+            starts['beyond the home switch'] = home.leaves(Way.TOWARD)
+        where, least = max(((name, self.least_time(start)) for name, start in starts.items()),
+                           key=lambda each: each[1])
+        if timeout and timeout < least:
             yield self.found(
                 Severity.error, 'timeout',
-                f'timeout is {p.timeout:g} s, but the first search alone takes up to {least:.4g} '
-                's', 'from the far end it ends with Timeout (0: computed)', 'timeout', p.timeout,
-                0.0, 's')
+                f'timeout is {timeout:g} s, but a run from {where} takes at least {least:.4g} s',
+                'it ends with Timeout (0: computed)', 'timeout', timeout, 0.0, 's')
+
+    def least_time(self, place: float) -> float:
+        """Return what a run from a place of the toward frame takes at least, s.
+
+        Ramps and overruns are left out, and all that comes after a place that is not known.
+        """
+        p, rows, passes, time = self.p, self.p.procedure.rows, 0, 0.0
+        step, limits = p.procedure.first, self.first_limits(Way.TOWARD)
+        for _ in range(MOST_STEPS * p.repeat):
+            row = rows[step]
+            velocity, way = p.pace(row.motion.pace)[0], row.motion.way
+            if row.motion.kind is Kind.HOME:
+                return time + abs(p.home_shift_distance) / velocity
+            event, distance = Event.DONE, 0.0
+            if row.motion.kind is Kind.FURTHER:
+                distance = p.homing_reverse_distance
+            elif row.motion.kind is Kind.SEARCH:
+                places = {one: place_of(self.at, one, step, row) for one in row.on}
+                places[Event.LIMIT_AHEAD] = min(limits, default=None)
+                ahead = [(known - way * place, one) for one, known in places.items()
+                         if one in row.on and one not in (Event.HS_ON, Event.LS_ON)
+                         and known is not None and known >= way * place]
+                if not ahead:
+                    return time
+                distance, event = min(ahead)
+            time += distance / velocity
+            if event is Event.END_DETECTED:
+                time += p.mechanical_end_detection_time
+            place += way * distance
+            passes += row.on[event] == HOME_SHIFT
+            again = row.on[event] == HOME_SHIFT and passes < p.repeat
+            step = row.on[Event.REPEAT if again else event]
+        return time
 
     def _end_of(self, step: Step, row: Row) -> float | None:
         """Return where a search ends at the latest, along its way."""

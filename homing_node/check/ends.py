@@ -168,7 +168,8 @@ class Ends(Placed):
                 width = flag.leaves(way) - flag.enters(way)
                 if width / velocity < p.switch_debounce:
                     yield self.found(
-                        Severity.error, 'flag-debounce',
+                        Severity.warning if limit and way is Way.AWAY else Severity.error,
+                        'flag-debounce',
                         f'{name} is passed in {1e3 * width / velocity:.3g} ms at {velocity:g} '
                         f'm/s, less than switch_debounce, {1e3 * p.switch_debounce:g} ms',
                         'it is never believed to be on', 'switch_debounce', width / velocity,

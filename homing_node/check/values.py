@@ -121,12 +121,14 @@ class _Values:
                 'max_search_distance', p.max_search_distance, up(1.1 * p.travel), 'm')
         if p.timeout and self.searches:
             pace = self.searches[0].motion.pace
-            least = p.travel / p.pace(pace)[0]
+            least = (p.travel / p.pace(pace)[0]
+                     + abs(p.home_shift_distance) / p.home_shift_velocity)
             if p.timeout < least:
                 yield self.found(
                     Severity.warning, 'timeout',
-                    f'timeout is {p.timeout:g} s, but a search over the travel takes '
-                    f'{least:.4g} s', 'a run from the far end ends with Timeout (0: computed)',
+                    f'timeout is {p.timeout:g} s, but a search over the travel and the final '
+                    f'move take {least:.4g} s',
+                    'a run from the far end ends with Timeout (0: computed)',
                     'timeout', p.timeout, 0.0, 's')
 
     # ------------------------------------------------------------------------------------- motion
