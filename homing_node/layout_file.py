@@ -40,7 +40,16 @@ class LayoutFile:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML without its surprises: y and no are names, 1e-3 is a number."""
+    """YAML without its surprises: y and no are names, 1e-3 is a number, no name stands twice."""
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        names = [key.value for key, _ in node.value]
+        for n, (key, _) in enumerate(node.value):
+            if key.value in names[:n]:
+                raise yaml.composer.ComposerError(
+                    problem=f'{key.value} stands there twice', problem_mark=key.start_mark)
+        return node
 
 
 _Loader.yaml_implicit_resolvers = {
@@ -164,8 +173,9 @@ def _filled(entries: object) -> object:
             filled[name] = [unknown if end is None else end
                             for end, unknown in zip(ends, (-inf, inf), strict=True)]
     stops = filled.setdefault('hard_stops', [-inf, inf])
-    if 'start' not in filled and isinstance(stops, list):
-        finite = [end for end in stops if isinstance(end, int | float) and abs(end) < inf]
+    if ('start' not in filled and isinstance(stops, list) and len(stops) == 2
+            and all(isinstance(end, int | float) for end in stops)):
+        finite = [end for end in stops if abs(end) < inf]
         if len(finite) == 2 and not min(finite) <= 0.0 <= max(finite):
             filled['start'] = sum(finite) / 2
         elif len(finite) == 1 and not (stops[0] <= 0.0 <= stops[1]):
