@@ -381,6 +381,18 @@ def test_a_closed_pipe_is_no_error():
     assert child.wait() in (0, 120) and b'Traceback' not in err
 
 
+@pytest.mark.parametrize('arguments', [
+    ['check', DEMO], ['check', DEMO, '--json'], ['diagram', 'HSHS'],
+    ['run', DEMO, '--layout', PLANT]])
+def test_a_full_device_is_told_in_a_line(arguments):
+    code = ('import sys; from homing_node.cli import main; sys.exit(main())')
+    with open('/dev/full', 'w') as full:
+        done = subprocess.run([sys.executable, '-c', code, *arguments], stdout=full,
+                              stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (
+        2, 'homing: the output cannot be written: No space left on device\n')
+
+
 def test_no_ros_is_needed():
     """The command works where rclpy cannot be imported, and checks without matplotlib."""
     code = ("import sys; sys.modules['rclpy'] = sys.modules['matplotlib'] = None\n"

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from . import check, diagram, plot, run
-from .common import OK, Failure
+from .common import OK, USAGE, Failure
 
 STATUS = """\
 exit status:
@@ -38,14 +38,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
     try:
         status: int = COMMANDS[arguments.command].run(arguments)
+        sys.stdout.flush()
     except Failure as failure:
         for line in failure.lines:
             print(f'homing: {line}', file=sys.stderr)
         return failure.status
     except BrokenPipeError:  # what reads us has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return OK
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        _drop_output()
+        print(f'homing: the output cannot be written: {error.strerror}', file=sys.stderr)
+        return USAGE
     return status
+
+
+def _drop_output() -> None:
+    """Let nothing more be written: Python would try again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:
