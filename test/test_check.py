@@ -396,6 +396,35 @@ def test_what_homes_is_no_error(case, direction):
         assert trial.success and abs(trial.off) < 1e-5
 
 
+@pytest.mark.parametrize('case', WITHOUT + WITH, ids=lambda case: case.check)
+def test_what_is_called_right_can_be_written_into_the_file(case):
+    for one in case.found():
+        if one.right is not None and one.parameter in SPECS and one.parameter != 'switches':
+            kind = SPECS[one.parameter].kind
+            right = int(one.right) if kind is int else one.right
+            names = filter(None, (one.parameter, one.also))
+            axis_parameters({**VALUES, **case.values, **dict.fromkeys(names, right)})
+
+
+@pytest.mark.parametrize('case, remedy', [
+    (Case('hard-stop', ERROR, {'homing_velocity_slow': 0.03},
+          flags={AHEAD: SwitchLayout(0.1996, inf)}),
+     'homing_velocity_fast and homing_velocity_slow: 0.012 m/s'),
+    (Case('ls-reverse-bound', WARNING, {'max_ls_reverse_distance': 0.045,
+                                        'max_search_distance': 0.15},
+          flags={HS: SwitchLayout(0.05, 0.06)}, words='from where'),
+     'max_ls_reverse_distance and max_search_distance: 0.16 m'),
+    (Case('hard-stop', ERROR, {'switches': [HS, AHEAD], 'homing_reverse_distance': 0.03},
+          flags={HS: SwitchLayout(0.02, 0.03), BEHIND: None}, words='behind'),
+     'homing_reverse_distance: 0.02 m'),
+    (Case('index-ambiguous', WARNING, {'home_type': 'ZPulse', 'switches': [*BOTH, 'z_pulse']}),
+     ''),
+    (Case('search-bound', ERROR, {'travel': 0.06, 'homing_velocity_fast': 0.02}), ''),
+])
+def test_remedy(case, remedy):
+    assert [one.remedy for one in matching(case, case.found())][:1] == [remedy]
+
+
 @pytest.mark.parametrize('home_type', HomeType)
 def test_examples_have_no_error(home_type):
     example = EXAMPLES[home_type]

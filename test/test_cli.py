@@ -80,7 +80,7 @@ def test_check_as_json(capsys):
     assert status == 1 and told['ok'] is False
     one = told['findings'][0]
     assert set(one) == {'severity', 'axis', 'check', 'what', 'why', 'parameter', 'value', 'right',
-                        'unit'}
+                        'unit', 'also'}
     assert (one['severity'], one['check'], one['parameter']) == (
         'error', 'hard-stop', 'homing_velocity_fast')
     assert 0 < one['right'] < 0.2 and one['unit'] == 'm/s'

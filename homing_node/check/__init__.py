@@ -16,6 +16,7 @@ from .bounds import Bounds
 from .ends import Ends
 from .finding import Finding, Severity, Timing, worst_first
 from .places import Places
+from .remedy import applicable
 from .shift import Shift
 from .values import check_values
 
@@ -61,7 +62,7 @@ def check_axis(
     if layout is not None:
         for part in (Places, Ends, Bounds, Shift):
             findings += part(axis, parameters, layout, timing).check()
-    return worst_first(findings)
+    return worst_first(applicable(finding, parameters) for finding in findings)
 
 
 def errors(findings: list[Finding]) -> list[Finding]:

@@ -61,20 +61,20 @@ class Ends(Placed):
         A limit switch that comes later may brake harder, but only one that does brake. ``when``
         tells what must fail before that happens.
         """
-        way, pace = row.motion.way, row.motion.pace
-        velocity = self.p.pace(pace)[0]
+        way, velocity = row.motion.way, self.p.pace(row.motion.pace)[0]
         for first in firsts:
             one = min([first, *(guard for guard in guards
                                 if guard.place > first.place and guard.brakes)],
                       key=lambda each: each.place + each.overrun(velocity))
             room, overrun = self.at.stops[way] - one.place, one.overrun(velocity)
             if overrun > room:
+                parameter, right, unit = self.shorter(row, one, room)
                 yield self.found(
                     Severity.warning if when else Severity.error, 'hard-stop',
                     f'{when}at {velocity:g} m/s the axis goes on by {overrun:.4g} m after the '
                     f'{one.name}, into the hard stop {SIDES[way]}, which is {room:.4g} m away',
                     f'it takes up to {1e3 * self.delay:.3g} ms until it brakes, then the stop '
-                    'itself', str(pace), overrun, down(one.velocity(room, velocity)), 'm/s')
+                    'itself', parameter, overrun, right, unit)
 
     def _coasting(self, row: Row, one: Stop) -> Iterator[Finding]:
         limit = one.limit
@@ -125,20 +125,16 @@ class Ends(Placed):
             return
         what = (f'at {velocity:g} m/s the axis goes on by {overrun:.4g} m after the {one.name} '
                 f'and reaches {limit.input}, which is {room:.4g} m away')
-        slower = down(one.velocity(room, velocity))
+        parameter, right, unit = self.shorter(row, one, room)
         if way is Way.AWAY and one.limit is None:  # it does so in every run
-            if slower:
-                right = str(row.motion.pace), slower, 'm/s'
-            else:
-                right = 'homing_reverse_distance', down(room), 'm'
             yield self.found(
                 Severity.error, 'reverse-into-limit', what,
-                'a limit switch behind ends the run with LSTriggered', right[0], overrun,
-                right[1], right[2])
+                'a limit switch behind ends the run with LSTriggered', parameter, overrun, right,
+                unit)
             return
         yield self.found(
-            Severity.warning, 'next-tier', what, _meeting(one, limit),
-            str(row.motion.pace), overrun, slower, 'm/s')
+            Severity.warning, 'next-tier', what, _meeting(one, limit), parameter, overrun, right,
+            unit)
 
     def before_the_end(self) -> Iterator[Finding]:
         """Check what ends the search for the mechanical end before it."""

@@ -52,7 +52,7 @@ class Finding:
 
     ``check`` is a word that stays the same for one kind of finding; ``parameter`` the one to
     change (or the key of the layout), ``value`` the number that was found, ``right`` what
-    ``parameter`` should be, both in ``unit``.
+    ``parameter`` should be, both in ``unit``; ``also`` a parameter that must be the same then.
     """
 
     severity: Severity
@@ -64,6 +64,7 @@ class Finding:
     value: float | str | None = None
     right: float | str | bool | None = None
     unit: str = ''
+    also: str = ''
 
     @property
     def text(self) -> str:
@@ -80,7 +81,8 @@ class Finding:
             right = str(right).lower()
         elif isinstance(right, float):
             right = f'{right:.6g} {self.unit}'.rstrip()
-        return f'{self.parameter}: {right}' if self.parameter else str(right)
+        names = ' and '.join(filter(None, (self.parameter, self.also)))
+        return f'{names}: {right}' if names else str(right)
 
     def as_dict(self) -> dict[str, object]:
         """Return it as plain values; numbers that JSON does not know are left out."""

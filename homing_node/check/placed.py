@@ -15,7 +15,7 @@ from ..motions import Kind, Way
 from ..parameters import AxisParameters
 from ..procedures import Row, Step
 from ..states import HomeType, Input, Role, Tier
-from .finding import Finding, Severity, Timing
+from .finding import Finding, Severity, Timing, down
 from .geometry import Geometry, place_of
 from .stopping import fastest, reaction_distance, stopping_distance, turning_distance
 
@@ -70,6 +70,13 @@ class Placed:
         value: float | str | None = None, right: float | str | bool | None = None, unit: str = 'm',
     ) -> Finding:
         return Finding(severity, self.axis, check, what, why, parameter, value, right, unit)
+
+    def shorter(self, row: Row, one: Stop, room: float) -> tuple[str, float | None, str]:
+        """Return what makes a stop end within a room: the parameter, its value and unit."""
+        slower = down(one.velocity(room, self.p.pace(row.motion.pace)[0]))
+        if slower or room <= 0.0:
+            return str(row.motion.pace), slower or None, 'm/s'
+        return 'homing_reverse_distance', down(room), 'm'
 
     def with_home_switch(self, home_type: HomeType) -> str | None:
         """Return a home type that needs a home switch, where there is one."""
