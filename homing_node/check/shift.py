@@ -53,16 +53,21 @@ class Shift(Placed):
             return
         for place, limit in self._limits(way):
             if end >= place:
-                yield self._beyond(f'where {limit.input} rises', 'the run ends with LSTriggered',
-                                   'shift-into-limit', end, place, home, way)
+                on_the_edge = end == place
+                yield self._beyond(
+                    f'where {limit.input} rises',
+                    f'the run {"may end" if on_the_edge else "ends"} with LSTriggered',
+                    'shift-into-limit', end, place, home, way,
+                    Severity.warning if on_the_edge else Severity.error)
 
     def _beyond(
-        self, where: str, why: str, check: str, end: float, bar: float, home: float, way: Way
+        self, where: str, why: str, check: str, end: float, bar: float, home: float, way: Way,
+        severity: Severity = Severity.error,
     ) -> Finding:
-        room = bar - home
-        right = way * (down(0.95 * room) if room > 0.0 else -up(-1.05 * room))
+        room, least = bar - home, self.p.bounce_distance
+        right = way * (down(0.95 * room) if room > 0.0 else -up(1.05 * max(-room, least)))
         return self.found(
-            Severity.error, check, f'the final move ends {end - bar:.4g} m beyond {where}', why,
+            severity, check, f'the final move ends {end - bar:.4g} m beyond {where}', why,
             'home_shift_distance', self.p.home_shift_distance, right)
 
     def from_anywhere(self, way: Way) -> Iterator[Finding]:
