@@ -29,6 +29,8 @@ from .simulation import Happening
 from .states import LATCHES, Error, Input, State
 
 FORMAT = 'homing course 1'
+#: Of a position: a linear axis, a rotary one.
+UNITS = ('m', 'rad')
 COLUMNS = (*Sample._fields, 'input', 'value')
 REALS = ('time', 'position', 'velocity', 'acceleration', 'feedback')
 
@@ -38,25 +40,26 @@ class InvalidRecord(ValueError):
 
 
 class Record(NamedTuple):
-    """A course and what it is of."""
+    """A course and what it is of; ``unit`` is that of a position, m or rad."""
 
     course: Course
     title: str = ''
+    unit: str = 'm'
 
 
-def save(path: str | PathLike[str], course: Course, title: str = '') -> None:
-    """Write a course into a file whose suffix tells its format.
+def save(path: str | PathLike[str], course: Course, title: str = '', unit: str = 'm') -> None:
+    """Write a course into a file whose suffix tells its format; ``unit``: m or rad.
 
     Raises ValueError for an unknown suffix, OSError where the file cannot be written.
     """
     path = Path(path)
     if path.suffix == '.csv':
-        path.write_text(_csv(course, title), encoding='utf-8')
+        path.write_text(_csv(course, title, unit), encoding='utf-8')
     elif path.suffix == '.npz':
         samples, happenings = course.samples, course.happenings
         with path.open('wb') as file:
             np.savez_compressed(
-                file, allow_pickle=False, about=np.array(json.dumps(_about(course, title))),
+                file, allow_pickle=False, about=np.array(json.dumps(_about(course, title, unit))),
                 state=np.array([sample.state for sample in samples], dtype=np.str_),
                 input=np.array([each.input for each in happenings], dtype=np.str_),
                 happenings=np.array([(each.time, float(each.value), each.position)
@@ -84,11 +87,12 @@ def load(path: str | PathLike[str]) -> Record:
     raise InvalidRecord(f'{path}: a course is in a file that ends with .npz or .csv')
 
 
-def _about(course: Course, title: str) -> dict[str, Any]:
+def _about(course: Course, title: str, unit: str) -> dict[str, Any]:
     outcome = course.outcome
     return {
         'format': FORMAT,
         'title': title,
+        'unit': unit,
         'outcome': None if outcome is None else {**asdict(outcome), 'error': str(outcome.error)},
         'arrows': [[*map(str, step), str(event)] if isinstance(step, Step) else
                    [str(step), '', str(event)] for step, event in course.arrows],
@@ -98,12 +102,15 @@ def _about(course: Course, title: str) -> dict[str, Any]:
 def _course(about: Mapping[str, Any], samples: list[Sample], found: list[Happening]) -> Record:
     if about.get('format') != FORMAT:
         raise ValueError(f'it says {about.get("format")!r}, not {FORMAT!r}')
+    unit = about.get('unit', 'm')
+    if unit not in UNITS:
+        raise ValueError(f'the unit {unit!r} is none of {", ".join(UNITS)}')
     told = about['outcome']
     outcome = told and Outcome(**{
         **told, 'error': Error(told['error']), 'warnings': tuple(told.get('warnings', ()))})
     arrows = [(Step(State(state), phase), Event(event))
               for state, phase, event in about['arrows']]
-    return Record(Course(samples, found, outcome, arrows), about['title'])
+    return Record(Course(samples, found, outcome, arrows), about['title'], unit)
 
 
 def _happening(time: float, name: str, value: float, position: float) -> Happening:
@@ -121,9 +128,9 @@ def _from_arrays(file: Mapping[str, Any]) -> Record:
     return _course(json.loads(str(file['about'])), samples, found)
 
 
-def _csv(course: Course, title: str) -> str:
+def _csv(course: Course, title: str, unit: str) -> str:
     text = StringIO()
-    for name, value in _about(course, title).items():
+    for name, value in _about(course, title, unit).items():
         text.write(f'# {name}: {json.dumps(value)}\n')
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(COLUMNS)

@@ -179,8 +179,8 @@ def test_run_saves_and_plots(capsys):
     status, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x',
                          '--save', 'run.npz', '--plot', 'run.svg')
     assert status == 0 and out.endswith('wrote run.npz\n  wrote run.svg\n')
-    course, title = record.load('run.npz')
-    assert title == 'x: HSHS from 0.05' and course.outcome.success
+    course, title, unit = record.load('run.npz')
+    assert (title, unit) == ('x: HSHS from 0.05', 'm') and course.outcome.success
     assert '<svg' in Path('run.svg').read_text()
 
 
@@ -234,6 +234,24 @@ def test_plot_of_a_record(capsys):
     assert run(capsys, 'plot', 'run.csv', '-o', 'b.svg', '--layout', PLANT, '--axis', 'z',
                '--panels', 'profile', '--unit', 'rad')[0] == 0
     assert Path('a.svg').stat().st_size > Path('b.svg').stat().st_size
+
+
+@pytest.mark.parametrize('suffix', ['npz', 'csv'])
+def test_a_rotary_axis_is_drawn_in_rad(capsys, suffix):
+    """As text, so that the picture can be searched for it."""
+    record_of = f'run.{suffix}'
+    run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--unit', 'rad',
+        '--save', record_of, '--plot', 'a.svg')
+    assert record.load(record_of).unit == 'rad'
+    run(capsys, 'plot', record_of, '-o', 'b.svg', '--layout', PLANT)
+    run(capsys, 'plot', record_of, '-o', 'c.svg', '--layout', PLANT, '--unit', 'm')
+    rad, again, metre = (Path(f'{name}.svg').read_text() for name in 'abc')
+    assert rad == again != metre
+    run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--starts', 2,
+        '--unit', 'rad', '--plot', 'd.svg')
+    run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--starts', 2,
+        '--plot', 'e.svg')
+    assert Path('d.svg').read_text() != Path('e.svg').read_text()
 
 
 def test_plot_needs_to_know_the_axis(capsys):

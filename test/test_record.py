@@ -26,9 +26,9 @@ def test_a_course_comes_back(tmp_path, suffix, home_type):
     example = EXAMPLES[home_type]
     course = example.rehearse(BEYOND if BEYOND in example.runs else example.runs[0])
     path = tmp_path / f'run{suffix}'
-    record.save(path, course, 'x: "HSHS", from\n0.05')
-    found, title = record.load(path)
-    assert title == 'x: "HSHS", from\n0.05'
+    record.save(path, course, 'x: "HSHS", from\n0.05', 'rad')
+    found, title, unit = record.load(path)
+    assert (title, unit) == ('x: "HSHS", from\n0.05', 'rad')
     assert found.samples == course.samples
     assert found.happenings == course.happenings
     assert [type(one.value) for one in found.happenings] == [
@@ -59,13 +59,24 @@ def test_any_course_comes_back(tmp_path_factory, suffix, samples, happenings, ou
     assert found == record.Record(Course(samples, happenings, outcome, []), title)
 
 
+def test_a_record_of_old_is_in_metres(tmp_path):
+    path = tmp_path / 'run.csv'
+    record.save(path, Course())
+    text = path.read_text()
+    path.write_text(text.replace('# unit: "m"\n', ''))
+    assert record.load(path).unit == 'm'
+    path.write_text(text.replace('# unit: "m"', '# unit: "ft"'))
+    with pytest.raises(record.InvalidRecord, match="'ft' is none of m, rad"):
+        record.load(path)
+
+
 def test_a_csv_is_a_table(tmp_path):
     path = tmp_path / 'run.csv'
     record.save(path, EXAMPLES[HomeType.HS].rehearse(EXAMPLES[HomeType.HS].runs[0]), 'x')
     lines = path.read_text().splitlines()
     head = [line for line in lines if line.startswith('#')]
-    assert head[0] == '# format: "homing course 1"' and len(head) == 4
-    assert lines[4] == 'time,state,position,velocity,acceleration,feedback,input,value'
+    assert head[0] == '# format: "homing course 1"' and len(head) == 5
+    assert lines[5] == 'time,state,position,velocity,acceleration,feedback,input,value'
     assert any(',home_switch,1.0' in line for line in lines)
 
 
@@ -114,7 +125,7 @@ def test_no_pickle_is_read(tmp_path):
 
 @pytest.mark.parametrize('old, new, said', [
     ('"homing course 1"', '"homing course 9"', 'homing course 9'),
-    (',HSSearch,', ',HSSearch,x', 'line 6'),
+    (',HSSearch,', ',HSSearch,x', 'line 7'),
     ('time,state', 'state,time', 'columns'),
     ('"error": "NoError"', '"error": "Nonsense"', 'Nonsense'),
     ('# outcome', '# result', 'outcome'),

@@ -41,6 +41,11 @@ def add_timing(parser: argparse.ArgumentParser) -> None:
              f"(default: the layout file's dead_time, else {Timing().latency:g} s)")
 
 
+def add_unit(parser: argparse.ArgumentParser, default: str | None, otherwise: str) -> None:
+    parser.add_argument('--unit', choices=('m', 'rad'), default=default,
+                        help=f'of positions: a linear or a rotary axis (default: {otherwise})')
+
+
 def positive(text: str) -> float:
     number = float(text)
     if not 0.0 < number < float('inf'):

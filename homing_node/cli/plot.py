@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..layout import AxisLayout
 from ..layout_file import LayoutFile
-from .common import FAILED, OK, Failure, layout_from, written
+from .common import FAILED, OK, Failure, add_unit, layout_from, written
 
 TEXT = """\
 Draws a saved run: position, velocity and acceleration over time, the home states as coloured
@@ -34,14 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="the axis in the layout (default: the only one, or the record's)")
     parser.add_argument('--panels', choices=('all', 'position', 'profile'), default='all',
                         help='the position diagram, the profile, or both')
-    parser.add_argument('--unit', choices=('m', 'rad'), default='m')
+    add_unit(parser, None, 'as the record says')
 
 
 def run(arguments: argparse.Namespace) -> int:
     from .. import plot, record
 
     try:
-        course, title = record.load(arguments.record)
+        course, title, unit = record.load(arguments.record)
     except record.InvalidRecord as error:
         raise Failure(str(error), status=FAILED) from None
     except OSError as error:
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     path = arguments.output or arguments.record.with_suffix('.png')
     where = None if layout is None else _layout_of(layout, arguments, title)
     written(path, lambda: plot.save(
-        path, course, where, title, panels[arguments.panels], arguments.unit))
+        path, course, where, title, panels[arguments.panels], arguments.unit or unit))
     print(f'wrote {path}')
     return OK
 

@@ -25,6 +25,7 @@ from .common import (
     Failure,
     add_configuration,
     add_timing,
+    add_unit,
     configuration_of,
     console,
     count,
@@ -71,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='save the course: .npz, or .csv for spreadsheets')
     parser.add_argument('--plot', metavar='FILE', type=Path,
                         help='draw it: .png, .svg or .pdf (--all-starts: default AXIS_starts.png)')
+    add_unit(parser, 'm', 'm')
     parser.add_argument('--json', action='store_true', help='print the results as JSON')
 
 
@@ -149,11 +151,13 @@ def _run_axis(
     files = []
     if arguments.save:
         from .. import record
-        written(arguments.save, lambda: record.save(arguments.save, trial.course, title))
+        written(arguments.save, lambda: record.save(
+            arguments.save, trial.course, title, arguments.unit))
         files.append(arguments.save)
     if arguments.plot:
         from .. import plot
-        written(arguments.plot, lambda: plot.save(arguments.plot, trial.course, where, title))
+        written(arguments.plot, lambda: plot.save(
+            arguments.plot, trial.course, where, title, unit=arguments.unit))
         files.append(arguments.plot)
     if not arguments.json:
         _show_run(console(), axis, parameters, trial, files)

@@ -36,7 +36,7 @@ def sweep_axis(
         trials = list(sweep(parameters, where, transport_of(timing), positions, axis, done))
     path = arguments.plot or Path(f'{axis}_starts.png')
     title = f'{axis}: {parameters.home_type} {parameters.home_direction}'
-    written(path, lambda: sweep_plot.draw(path, trials, where, title))
+    written(path, lambda: sweep_plot.draw(path, trials, where, title, arguments.unit))
     if arguments.save:
         written(arguments.save, lambda: _save_starts(arguments.save, trials))
     if not arguments.json:
