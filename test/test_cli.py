@@ -168,11 +168,16 @@ def test_pause_mode_does_not_hold_a_rehearsal(capsys):
     assert run(capsys, 'run', config, '--layout', PLANT)[0] == 0
 
 
-@pytest.mark.parametrize('rate', [400.0, 2000.0, 3.0])
-def test_any_update_rate(capsys, rate):
+@pytest.mark.parametrize('rate, kept', [(400.0, '500'), (2000.0, '1000'), (300.0, '333.333')])
+def test_a_rate_that_the_plant_cannot_keep(capsys, rate, kept):
     config = write('axes.yaml', {'x': demo()}, update_rate=rate, cycle_timeout=1.0)
-    status, _, err = run(capsys, 'run', config, '--layout', PLANT)
+    status, out, err = run(capsys, 'run', config, '--layout', PLANT)
     assert status in (0, 1) and not err
+    assert out.startswith(f'update_rate is {rate:g} Hz; rehearsed at {kept} Hz, the nearest')
+    _, out, _ = run(capsys, 'run', config, '--layout', PLANT, '--json')
+    assert f'{json.loads(out)["runs"][0]["update_rate"]:.6g}' == kept
+    _, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT, '--feedback-rate', 300)
+    assert out.startswith('feedback_rate is 300 Hz; rehearsed at 333.333 Hz')
 
 
 def test_run_saves_and_plots(capsys):
@@ -203,6 +208,13 @@ def test_no_start_is_beyond_the_hard_stops(stops):
         positions = starts(example.parameters, layout, count)
         assert (len(positions), positions[0], positions[-1]) == (count, *stops)
         assert positions == sorted(positions)
+
+
+def test_a_table_that_cannot_be_saved_is_told_before_the_sweep(capsys):
+    status, out, err = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts',
+                           '--starts', 100_000, '--save', 'starts.npz')
+    assert (status, out) == (2, '') and 'saved as .csv' in err
+    assert not Path('x_starts.png').exists()
 
 
 def test_runs_from_everywhere_of_which_some_fail(capsys):
@@ -294,10 +306,14 @@ def test_diagram_into_a_file(capsys):
     (['run', DEMO], '--layout'),
     (['run', DEMO, '--layout', PLANT, '--type', 'HSS'], 'HSS'),
     (['run', DEMO, '--layout', PLANT, '--starts', '1', '--all-starts'], 'from 2'),
-    (['check', DEMO, '--latency', '-1'], '--latency'),
+    (['check', DEMO, '--latency', '-1'], '--latency: -1 is not a number >= 0'),
     (['check', DEMO, '--latency', 'nan'], '--latency'),
     (['check', DEMO, '--accuracy', '0'], '--accuracy'),
     (['diagram', 'XX'], 'XX'),
+    (['diagram', 'HS', '-o', 'hs.png'], 'hs.png: a diagram is written as .svg'),
+    (['diagram', 'HS', '-o', 'hs.mmd', '--format', 'svg'], 'hs.mmd: a diagram'),
+    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--from', '0'],
+     '--from is one start'),
     (['run', DEMO, '--layout', PLANT, '--save', 'r.npz'], '--save is for one axis'),
     (['run', DEMO, '--layout', PLANT, '--from', '0'], '--from is for one axis'),
     (['run', DEMO, '--layout', PLANT, '--axis', 'q'], "'q' is none of the axes"),
@@ -328,6 +344,17 @@ def test_a_run_needs_the_places_of_its_inputs(capsys):
     assert status == 2 and err.count('homing: part.yaml: axis x: a run needs to know where') == 2
     status, _, err = run(capsys, 'run', DEMO, '--layout', 'part.yaml', '--axis', 'y')
     assert status == 2 and "no axis 'y' in it, only x" in err
+
+
+def test_what_becomes_of_a_faulty_configuration_is_told(capsys):
+    """For the check it is a finding, no run can begin with it."""
+    config = write('bad.yaml', {'x': demo(travel='long')})
+    assert run(capsys, 'check', config)[0] == 1
+    assert run(capsys, 'run', config, '--layout', PLANT)[0] == 2
+    _, out, _ = run(capsys, 'check', '--help')
+    assert '1  an error was found, be it that the node cannot use CONFIG' in out
+    _, out, _ = run(capsys, 'run', '--help')
+    assert '2  wrong arguments, or a file that cannot be read, used or written' in out
 
 
 @pytest.mark.parametrize('command', ['', 'check', 'run', 'plot', 'diagram'])

@@ -16,7 +16,7 @@ STATUS = """\
 exit status:
   0  all is well
   1  {failed}
-  2  wrong arguments, or a file that cannot be read or written
+  2  wrong arguments, or a file that cannot be read, used or written
 """
 
 MAIN = """\

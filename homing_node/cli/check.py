@@ -61,7 +61,7 @@ severities:
 
 """
 
-FAILURE = 'an error was found'
+FAILURE = 'an error was found, be it that the node cannot use CONFIG'
 
 COLOURS = {Severity.error: 'bold red', Severity.warning: 'yellow', Severity.info: 'cyan'}
 

@@ -54,7 +54,10 @@ def positive(text: str) -> float:
 
 
 def not_negative(text: str) -> float:
-    return 0.0 if float(text) == 0.0 else positive(text)
+    number = float(text)
+    if not 0.0 <= number < float('inf'):
+        raise argparse.ArgumentTypeError(f'{text} is not a number >= 0')
+    return number
 
 
 def count(text: str) -> int:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..procedures import PROCEDURES
 from ..states import HomeType
-from .common import OK, written
+from .common import OK, Failure, written
 
 TEXT = """\
 Draws the state diagram of a home type, from the same table that the node executes.
@@ -20,13 +20,16 @@ examples:
 
 FAILURE = 'never'
 
+FORMATS = {'.svg': 'svg', '.mmd': 'mermaid', '.md': 'mermaid'}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('type', metavar='TYPE', choices=list(map(str, HomeType)),
                         help=', '.join(HomeType))
     parser.add_argument('--format', choices=('mermaid', 'svg'),
-                        help="default: svg where FILE's name ends so, else mermaid")
-    parser.add_argument('-o', '--output', metavar='FILE', type=Path, help='default: the terminal')
+                        help="default: as FILE's name ends, mermaid on the terminal")
+    parser.add_argument('-o', '--output', metavar='FILE', type=Path,
+                        help='.svg, or .mmd or .md for Mermaid (default: the terminal)')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -34,7 +37,9 @@ def run(arguments: argparse.Namespace) -> int:
     from ..diagram_svg import svg
 
     procedure, path = PROCEDURES[HomeType(arguments.type)], arguments.output
-    kind = arguments.format or ('svg' if path and path.suffix == '.svg' else 'mermaid')
+    kind = FORMATS.get(path.suffix) if path else arguments.format or 'mermaid'
+    if kind is None or kind != (arguments.format or kind):
+        raise Failure(f'{path}: a diagram is written as .svg, or as .mmd or .md (Mermaid)')
     text = svg(procedure) if kind == 'svg' else mermaid(procedure)
     if path is None:
         print(text, end='')

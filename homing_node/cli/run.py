@@ -4,7 +4,7 @@ import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from math import isnan
+from math import isclose, isnan
 from pathlib import Path
 
 from rich.console import Console
@@ -16,6 +16,7 @@ from ..layout import AxisLayout
 from ..layout_file import LayoutFile
 from ..palette import state_colour
 from ..parameters import AxisParameters
+from ..rehearsal import PLANT_STEP
 from ..spec import InvalidParameters
 from ..states import HomeType, Input, State
 from ..sweep import Trial, rehearse_from, transport_of
@@ -89,7 +90,13 @@ def run(arguments: argparse.Namespace) -> int:
         if getattr(arguments, option) is not None and not alone:
             name = 'from' if option == 'start' else option
             raise Failure(f'--{name} is for one axis; say which: --axis {" or ".join(axes)}')
+    if arguments.all_starts and arguments.start is not None:
+        raise Failure('--from is one start, --all-starts are all: give one of them')
+    if arguments.all_starts and arguments.save and arguments.save.suffix != '.csv':
+        raise Failure(f'{arguments.save}: the table of --all-starts is saved as .csv')
     timing = replace(timing_of(arguments, layout), update_rate=configuration.update_rate)
+    if not arguments.json:
+        _show_rates(timing)
     told: list[dict[str, object]] = []
     good = True
     for axis, parameters in axes.items():
@@ -97,11 +104,21 @@ def run(arguments: argparse.Namespace) -> int:
         where = _place(arguments, layout, axis, parameters)
         act = sweep_axis if arguments.all_starts else _run_axis
         trials = act(arguments, axis, parameters, where, timing)
-        told += [_as_dict(axis, parameters, trial) for trial in trials]
+        told += [_as_dict(axis, parameters, trial, timing) for trial in trials]
         good &= all(trial.success for trial in trials)
     if arguments.json:
         print(json.dumps({'ok': good, 'runs': told}, indent=2))
     return OK if good else FAILED
+
+
+def _show_rates(timing: Timing) -> None:
+    """Tell which rates the plant cannot keep."""
+    transport = transport_of(timing)
+    for name in ('update_rate', 'feedback_rate'):
+        wanted, kept = getattr(timing, name), getattr(transport, name)
+        if wanted and not isclose(wanted, kept):
+            print(f'{name} is {wanted:g} Hz; rehearsed at {kept:.6g} Hz, the nearest that divides '
+                  f'{1 / PLANT_STEP:g} Hz')
 
 
 def _with_type(parameters: AxisParameters, home_type: str | None, axis: str) -> AxisParameters:
@@ -164,13 +181,16 @@ def _run_axis(
     return [trial]
 
 
-def _as_dict(axis: str, parameters: AxisParameters, trial: Trial) -> dict[str, object]:
-    outcome = trial.course.outcome
+def _as_dict(
+    axis: str, parameters: AxisParameters, trial: Trial, timing: Timing
+) -> dict[str, object]:
+    outcome, transport = trial.course.outcome, transport_of(timing)
     return {
         'axis': axis, 'home_type': str(parameters.home_type), 'start': trial.start,
         'success': trial.success, 'error': trial.error,
         'message': outcome.message if outcome else '',
         'time': trial.course.duration,
+        'update_rate': transport.update_rate, 'feedback_rate': transport.feedback_rate,
         'home_position_raw': outcome.home_position_raw if outcome and outcome.success else None,
         'true_home': trial.true_home, 'off': trial.off,
         'uncertainty': outcome.uncertainty if outcome and outcome.success else None,
