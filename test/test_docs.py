@@ -4,12 +4,15 @@ The commands run against real nodes as far as this goes without the `ros2` comma
 PyPI: names and types are looked up in the graph, goals are made of the YAML, parameters are set.
 """
 
+import ast
+import dataclasses
 import importlib.util
 import os
 import re
 import shlex
 import subprocess
 import sys
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +28,7 @@ from std_srvs.srv import Trigger
 from homing_node import layout_file
 from homing_node.cli import main
 from homing_node.configuration import configuration
+from homing_node.layout import SWITCHES, AxisLayout
 from homing_node.parameters import SPECS
 from homing_node.states import LIMIT_SWITCHES, Error, HomeType, Input, LSType, State
 from homing_node.yaml_file import load, read
@@ -219,6 +223,45 @@ def test_every_state_is_explained():
 
 def test_every_limit_switch_type_is_explained():
     assert sorted(names_in(rows_of(DOC / 'homing.md', 'LS Type', 'action'))) == sorted(LSType)
+
+
+def findings():
+    """Return every word that a finding can have, from the calls that make them."""
+    place = {'found': 1, 'Finding': 2, '_beyond': 2}
+    for path in [*(ROOT / 'homing_node' / 'check').glob('*.py'),
+                 ROOT / 'homing_node' / 'cli' / 'check.py']:
+        for call in ast.walk(ast.parse(path.read_text())):
+            if isinstance(call, ast.Call):
+                name = getattr(call.func, 'attr', getattr(call.func, 'id', ''))
+                word = call.args[place[name]] if name in place else None
+                if isinstance(word, ast.Constant):
+                    yield word.value
+
+
+def test_every_finding_is_explained():
+    _, _, text = (DOC / 'check.md').read_text().partition('## Findings')
+    cells = re.findall(r'^\| (`[a-z-]+`.*?) \|', text, re.MULTILINE)
+    assert sorted(names_in(cells)) == sorted(set(findings()))
+
+
+def test_every_key_of_a_layout_is_explained():
+    found = names_in(rows_of(DOC / 'check.md', 'key', 'default', 'meaning'))
+    fields = {field.name for field in dataclasses.fields(AxisLayout)} - {'switches'}
+    assert sorted(found) == sorted({*SWITCHES, *fields, '_hysteresis', 'inverted'})
+
+
+def test_every_module_has_its_place_in_contributing():
+    named = names_in(re.findall(r'^\| .* \| (.*) \|$', (ROOT / 'CONTRIBUTING.md').read_text(),
+                                re.MULTILINE))
+    for path in (ROOT / 'homing_node').iterdir():
+        name = f'{path.name}/' if path.is_dir() else path.name
+        assert name in named or name.startswith('__'), name
+
+
+def test_every_test_is_named_in_contributing():
+    named = names_in(rows_of(ROOT / 'CONTRIBUTING.md', 'file', 'what it is about'))
+    for path in (ROOT / 'test').glob('test_*.py'):
+        assert any(fnmatch(path.name, name) for name in named), path.name
 
 
 def test_every_parameter_that_is_named_exists():

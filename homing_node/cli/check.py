@@ -52,7 +52,9 @@ a layout:
     index_pitch: 0.01                       # pulses at index_offset + k * index_pitch
     index_offset: 0.0037
     lag: 0.005                              # s, from the command to the feedback
-  The parameter file of simulated_axes is a layout, too.
+  The parameter file of simulated_axes is a layout, too. Further keys: the near_ and external_
+  limit switches, inverted, touch_probe, start, command_timeout, stop_dec; doc/check.md tells all
+  keys, and the cause and remedy of each finding.
 
 severities:
   error    a run fails, or the axis hits something
