@@ -279,6 +279,9 @@ WITH = [
     Case('index-margin', ERROR,
          {'home_type': 'HSZPulse', 'switches': Z, 'index_margin_action': 'Fail'},
          layout={'index_offset': 0.0005}),
+    Case('index-margin', WARNING,
+         {**END, 'home_type': 'MechanicalEndDetectionReverseZPulse', 'index_margin_action': 'Fail',
+          'switches': [BEHIND, 'z_pulse']}, flags={AHEAD: None}, layout={'index_offset': 0.0095}),
     Case('index-margin', INFO,
          {'home_type': 'HSZPulse', 'switches': Z, 'index_margin_action': 'None'},
          layout={'index_offset': 0.0005}),
@@ -512,6 +515,19 @@ def test_a_limit_that_only_switches_the_servo_off_does_not_stop_a_braking_axis(
     assert matching(case, case.found(direction))
     hit = rehearse_from(*case.built(direction), transport_of(Timing()), direction * 0.1).hits
     assert hit == direction * 0.2
+
+
+@pytest.mark.parametrize('direction', [1, -1])
+def test_a_limit_that_brakes_harder_than_the_turn_holds_the_axis(direction):
+    case = Case(
+        'hard-stop', ERROR, {'near_ls_type': 'SlowDec', 'homing_velocity_fast': 0.1,
+                             'homing_velocity_fast_acc': 0.2, 'homing_velocity_fast_dec': 0.2,
+                             'ls_dec': 2.0, 'switches': [HS, *BOTH, NEAR]},
+        flags={NEAR: SwitchLayout(0.183, inf)})
+    assert not matching(case, case.found(direction))
+    for start in (0.162, 0.165, 0.17):
+        trial = rehearse_from(*case.built(direction), transport_of(Timing()), direction * start)
+        assert trial.success
 
 
 @pytest.mark.parametrize('velocity', [0.02, 0.05, 0.1])

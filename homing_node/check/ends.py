@@ -63,8 +63,8 @@ class Ends(Placed):
         """
         way, velocity = row.motion.way, self.p.pace(row.motion.pace)[0]
         for first in firsts:
-            one = min([first, *(guard for guard in guards
-                                if guard.place > first.place and guard.brakes)],
+            one = min([first, *(guard._replace(overrun=guard.braked) for guard in guards
+                                if guard.place > first.place and guard.braked)],
                       key=lambda each: each.place + each.overrun(velocity))
             room, overrun = self.at.stops[way] - one.place, one.overrun(velocity)
             if overrun > room:

@@ -66,7 +66,7 @@ class Geometry:
 
     def raw(self, place: float) -> float:
         """Return a place of the toward frame as a raw position."""
-        return self.sign * place
+        return self.sign * place + 0.0  # not -0.0
 
     def flag_of(self, event: Event) -> Flag | None:
         """Return the flag whose edge an event is."""

@@ -27,25 +27,22 @@ SIDES = {Way.TOWARD: 'ahead', Way.AWAY: 'behind'}
 class Stop(NamedTuple):
     """What stops or turns the axis in a search: where, and how far it goes on at a velocity.
 
-    ``name`` tells what happens there, ``limit`` is None where it is not a limit switch.
+    ``name`` tells what happens there, ``limit`` is None where it is not a limit switch. ``braked``
+    is how far an axis goes on that another stop already brakes; None: this one does not brake it.
     """
 
     name: str
     place: float
     overrun: Distance
     limit: Limit | None = None
-
-    @property
-    def brakes(self) -> bool:
-        """Whether it brakes an axis that another stop already brakes."""
-        action = self.limit and self.limit.action
-        return bool(action and action.deceleration is not None)
+    braked: Distance | None = None
 
     @property
     def coasts(self) -> bool:
         """Whether it switches the servo off and leaves the axis to itself."""
         limit = self.limit
-        return bool(limit and limit.role is Role.NORMAL and limit.action) and not self.brakes
+        return (limit is not None and limit.role is Role.NORMAL and limit.action is not None
+                and limit.action.deceleration is None)
 
     def velocity(self, room: float, at_most: float) -> float:
         """Return the largest velocity whose overrun stays within a room."""
@@ -109,14 +106,17 @@ class Placed:
             event = Event.LS_RISES if target else Event.LIMIT_AHEAD
             place = flag.enters(way)
             steers = event in row.on and limit.role in (Role.REFERENCE, Role.REVERSAL)
+            stopped = self.late(row, place, self._stopped(limit))
+            brakes = limit.action is not None and limit.action.deceleration is not None
             stops: list[Distance] = []
             if steers and not p.immediate_stop_at_ls:
                 stops.append(self.late(row, place, self.braking(row, row.on[event])))
             elif steers:
                 stops.append(self._frozen)
             if limit.role is not Role.REFERENCE:  # a second reversal ends the run, too
-                stops.append(self.late(row, place, self._stopped(limit)))
-            yield Stop(f'{name.text} rises', place, partial(_longest, stops), limit)
+                stops.append(stopped)
+            yield Stop(f'{name.text} rises', place, partial(_longest, stops), limit,
+                       stopped if brakes else None)
 
     def event_stops(self, step: Step, row: Row) -> Iterator[Stop]:
         """Yield where the edges that a row waits for stop or turn the axis."""

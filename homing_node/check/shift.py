@@ -22,13 +22,15 @@ class Shift(Placed):
     def check(self) -> Iterator[Finding]:
         shift, home = self.p.home_shift_distance, true_home(self.at, self.layout.start)
         if home is not None:
-            for way in self._ways(self.at.sign * home):
-                yield from self.end(way, way * self.at.sign * home)
+            home *= self.at.sign
+            for way in (Way.TOWARD, Way.AWAY):
+                if any(way * move > 0.0 for move in self._moves(home)):
+                    yield from self.end(way, way * home)
         if shift and self.p.home_type in ANYWHERE:
             yield from self.from_anywhere(Way.TOWARD if shift > 0.0 else Way.AWAY)
 
-    def _ways(self, home: float) -> list[Way]:
-        """Return which ways the final move may go, according to how far the axis has overrun."""
+    def _moves(self, home: float = 0.0) -> list[float]:
+        """Return how far the final move may go, toward: from a rest on home, and from beyond."""
         shift = self.p.home_shift_distance
         moves = [shift]
         for _, row in self.searches:
@@ -36,7 +38,7 @@ class Shift(Placed):
                 way, velocity = row.motion.way, self.p.pace(row.motion.pace)[0]
                 stop = self.late(row, way * home, self.braking(row, HOME_SHIFT))
                 moves.append(shift - way * stop(velocity))
-        return [way for way in (Way.TOWARD, Way.AWAY) if any(way * move > 0.0 for move in moves)]
+        return moves
 
     def _limits(self, way: Way) -> list[tuple[float, Limit]]:
         """Return the limit switches that end the final move, the nearest first."""
@@ -91,7 +93,8 @@ class Shift(Placed):
         top, acceleration, deceleration = p.pace(Pace.SHIFT)
         velocity = fastest(
             lambda v: (stopping_distance(v, acceleration, p.max_jerk)
-                       + stopping_distance(v, deceleration, p.max_jerk)), shift, top)
+                       + stopping_distance(v, deceleration, p.max_jerk)),
+            max(way * move for move in self._moves()), top)
         overrun = self.late(p.procedure.rows[HOME_SHIFT_MOVE], place, self._stopped(limit))
         room = stop - place
         if overrun(velocity) > room > 0.0:
