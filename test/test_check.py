@@ -392,6 +392,11 @@ def test_what_is_called_right_is_right(case):
     # Beyond the limit switch ahead a run does not begin on the home switch.
     Case('hs-reverse-bound', ERROR, {'max_hs_on_at_start_reverse_distance': 0.037},
          flags={HS: SwitchLayout(0.15, 0.2)}),
+    # The home switch is on up to the hard stop: nobody comes to the limit switch.
+    Case('ls-reverse-bound', ERROR,
+         {'home_type': 'HS', 'homing_velocity_fast': 0.09, 'homing_velocity_fast_acc': 0.2,
+          'homing_velocity_fast_dec': 0.2, 'max_ls_reverse_distance': 0.04},
+         flags={HS: SwitchLayout(0.162, 0.3)}),
 ], ids=lambda case: case.check)
 def test_what_homes_is_no_error(case, direction):
     assert not [one.text for one in matching(case, case.found(direction))

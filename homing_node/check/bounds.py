@@ -49,7 +49,8 @@ class Bounds(Placed):
             return
         name, bound = self._bound(Bound.LS_REVERSE)
         velocity, acceleration, deceleration = p.pace(Pace.FAST)
-        overrun = 0.0 if p.immediate_stop_at_ls else turning_distance(
+        met_at_rest = home.leaves(Way.TOWARD) >= min(ahead)  # only by a run that begins on it
+        overrun = 0.0 if p.immediate_stop_at_ls or met_at_rest else turning_distance(
             velocity, velocity, acceleration, deceleration, p.max_jerk)
         edge = -home.leaves(Way.AWAY)
         least, stop = min(ahead) + overrun - edge, at.stops[Way.TOWARD]

@@ -53,7 +53,7 @@ class Shift(Placed):
             yield self._beyond(f'the hard stop {SIDES[way]}', 'the travel ends there',
                                'shift-into-stop', end, stop, home, way)
             return
-        for place, limit in self._limits(way):
+        for place, limit in self._limits(way)[:1]:
             if end >= place:
                 on_the_edge = end == place
                 yield self._beyond(
