@@ -175,12 +175,8 @@ WITH = [
          {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe']},
          flags={BEHIND: SwitchLayout(-inf, 0.03)}, layout={'touch_probe': 0.02}, right=0.011,
          words=BEHIND),
-    Case('shift-into-limit', ERROR,
-         {**END, 'home_type': 'MechanicalEndDetectionReverseZPulse', 'ls_type': 'None',
-          'switches': [*BOTH, 'z_pulse']}, words=AHEAD),
-    Case('shift-into-limit', WARNING,
-         {**END, 'home_type': 'MechanicalEndDetectionLS', 'ls_type': 'None', 'switches': BOTH},
-         right=-0.00027, words='0 m beyond'),
+    Case('shift-into-limit', WARNING, {'home_shift_distance': 0.035}, right=0.033,
+         words='0 m beyond'),
     Case('shift-from-anywhere', WARNING,
          {'home_type': 'CurrentPos', 'switches': BOTH, 'home_shift_distance': -0.05},
          words=BEHIND),
@@ -202,17 +198,15 @@ WITH = [
     Case('hard-stop', ERROR,
          {'switches': [HS, AHEAD], 'homing_velocity_fast': 0.1, 'homing_velocity_fast_acc': 0.3},
          flags={HS: SwitchLayout(0.015, 0.025), BEHIND: None}, words='behind'),
-    Case('hard-stop', ERROR, {**SERVO_OFF, 'homing_velocity_fast_dec': 0.05},
-         flags=SERVO_OFF_FLAGS, words='external positive limit switch rises'),
     Case('next-tier', WARNING, {**SERVO_OFF, 'homing_velocity_fast_dec': 0.05},
-         flags=SERVO_OFF_FLAGS, words='does not act on an axis that already brakes'),
+         flags=SERVO_OFF_FLAGS, words='it then brakes with ls_dec'),
     Case('next-tier', WARNING,
          {'home_type': 'TouchProbe', 'switches': [*BOTH, NEAR, 'touch_probe'],
           'near_ls_type': 'SlowDec', 'ls_type': 'ServoOff', 'homing_velocity_slow': 0.05},
          flags={NEAR: SwitchLayout(0.184, inf)}, layout={'touch_probe': 0.1},
          words='that one switches the servo off'),
     Case('hard-stop', ERROR,
-         {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe'], 'ls_type': 'ServoOff',
+         {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe'], 'ls_dec': 0.05,
           'homing_velocity_slow': 0.05, 'homing_velocity_slow_dec': 0.05},
          flags={HS: None}, layout={'touch_probe': 0.184}, words='after the touch probe'),
     Case('hard-stop', ERROR, {'switches': [HS, BEHIND]},
@@ -514,12 +508,19 @@ def test_the_rehearsal_hits_the_hard_stop_ahead_where_the_check_says_so(
     ({'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe'], 'ls_type': 'ServoOff',
       'homing_velocity_slow': 0.05, 'homing_velocity_slow_dec': 0.05}, {},
      {'touch_probe': 0.184})])
-def test_a_limit_that_only_switches_the_servo_off_does_not_stop_a_braking_axis(
+def test_a_limit_that_would_switch_the_servo_off_stops_an_axis_that_already_brakes(
         values, flags, places, direction):
     case = Case('hard-stop', ERROR, values, flags, places)
-    assert matching(case, case.found(direction))
-    hit = rehearse_from(*case.built(direction), transport_of(Timing()), direction * 0.1).hits
-    assert hit == direction * 0.2
+    assert not matching(case, case.found(direction))
+    trial = rehearse_from(*case.built(direction), transport_of(Timing()), direction * 0.1)
+    assert trial.success
+
+
+@pytest.mark.parametrize('home_type', ['MechanicalEndDetectionReverseZPulse', 'CurrentPos'])
+def test_a_limit_without_an_action_does_not_bar_the_final_move(home_type):
+    values = {**END, 'home_type': home_type, 'ls_type': 'None', 'switches': [*BOTH, 'z_pulse']}
+    case = Case('shift-into-limit', ERROR, values)
+    assert not matching(case, case.found(1))
 
 
 @pytest.mark.parametrize('direction', [1, -1])
@@ -669,6 +670,17 @@ def test_any_layout_is_judged(home_type, known, ends, velocity, debounce, offset
     for found in check_axis('x', parameters, layout):
         assert found.text and found.severity in Severity
         assert found.as_dict()
+
+
+@pytest.mark.parametrize('value', [1e-300, 1e-9, 1e9, 1e300])
+@pytest.mark.parametrize('home_type', HomeType)
+def test_absurd_parameters_are_judged_too(home_type, value):
+    example = EXAMPLES[home_type]
+    rates = [name for name, spec in SPECS.items() if spec.unit.startswith('m/s')]
+    for names in [*([name] for name in rates), rates]:
+        parameters = replace(example.parameters, **dict.fromkeys(names, value))
+        for layout in (example.layout, None):
+            assert all(one.text for one in check_axis('x', parameters, layout))
 
 
 def test_every_input_can_be_placed():

@@ -58,10 +58,16 @@ def check_axis(
 ) -> list[Finding]:
     """Check one axis; return what was found, the worst first."""
     timing = timing or Timing()
-    findings = list(check_values(axis, parameters, timing, layout is not None))
-    if layout is not None:
-        for part in (Places, Ends, Bounds, Shift):
-            findings += part(axis, parameters, layout, timing).check()
+    try:
+        findings = list(check_values(axis, parameters, timing, layout is not None))
+        if layout is not None:
+            for part in (Places, Ends, Bounds, Shift):
+                findings += part(axis, parameters, layout, timing).check()
+    except ArithmeticError as error:
+        return [Finding(
+            Severity.error, axis, 'beyond-numbers',
+            f'velocities, accelerations and jerk cannot be computed with ({error})',
+            'one of them is absurdly small or large')]
     return worst_first(applicable(finding, parameters) for finding in findings)
 
 

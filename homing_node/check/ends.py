@@ -189,8 +189,10 @@ class Ends(Placed):
 
 def _meeting(one: Stop, limit: Limit) -> str:
     """Tell what a limit switch does to an axis that a stop has not yet brought to rest."""
-    if limit.action and limit.action.deceleration is not None:
+    if limit.action is None:
+        return 'that one does not act'
+    if limit.action.deceleration is not None:
         return "it then brakes with that one's action"
-    if limit.action and one.limit and one.limit.role is Role.NORMAL:
+    if one.limit and one.limit.role is Role.NORMAL:
         return 'that one switches the servo off'
-    return 'that one does not act on an axis that already brakes'
+    return 'it then brakes with ls_dec'

@@ -107,7 +107,6 @@ class Placed:
             place = flag.enters(way)
             steers = event in row.on and limit.role in (Role.REFERENCE, Role.REVERSAL)
             stopped = self.late(row, place, self._stopped(limit))
-            brakes = limit.action is not None and limit.action.deceleration is not None
             stops: list[Distance] = []
             if steers and not p.immediate_stop_at_ls:
                 stops.append(self.late(row, place, self.braking(row, row.on[event])))
@@ -116,7 +115,7 @@ class Placed:
             if limit.role is not Role.REFERENCE:  # a second reversal ends the run, too
                 stops.append(stopped)
             yield Stop(f'{name.text} rises', place, partial(_longest, stops), limit,
-                       stopped if brakes else None)
+                       self.late(row, place, self._braked(limit)) if limit.action else None)
 
     def event_stops(self, step: Step, row: Row) -> Iterator[Stop]:
         """Yield where the edges that a row waits for stop or turn the axis."""
@@ -182,6 +181,12 @@ class Placed:
         deceleration = limit.action.deceleration if limit.action else self.p.ls_dec
         if deceleration is None:  # the servo is off
             return lambda v: 0.0
+        return partial(stopping_distance, deceleration=deceleration, jerk=self.p.max_jerk)
+
+    def _braked(self, limit: Limit) -> Distance:
+        """Return how far a limit switch lets an axis go on that brakes already."""
+        assert limit.action is not None
+        deceleration = limit.action.deceleration or self.p.ls_dec
         return partial(stopping_distance, deceleration=deceleration, jerk=self.p.max_jerk)
 
     def _frozen(self, velocity: float) -> float:

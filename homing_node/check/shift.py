@@ -6,7 +6,7 @@ from math import isfinite
 from ..limits import Limit
 from ..motions import Pace, Way
 from ..procedures import HOME_SHIFT, HOME_SHIFT_MOVE
-from ..states import HomeType, Role, Tier
+from ..states import HomeType, Tier
 from .finding import Finding, Severity, down, up
 from .geometry import true_home
 from .placed import SIDES, Placed
@@ -43,7 +43,7 @@ class Shift(Placed):
     def _limits(self, way: Way) -> list[tuple[float, Limit]]:
         """Return the limit switches that end the final move, the nearest first."""
         return sorted((flag.enters(way), limit) for name, limit in self.limits.items()
-                      if limit.way is way and limit.role is not Role.IGNORED
+                      if limit.way is way and limit.bars_home
                       and (flag := self.at.flags.get(name)) is not None)
 
     def end(self, way: Way, home: float) -> Iterator[Finding]:
