@@ -29,7 +29,6 @@ class Turnoff(NamedTuple):
 
     step: Step
     edge: Edge
-    cause: Mark
     reversed: bool
     coarse_pass: Mark | None
 
@@ -137,7 +136,7 @@ class Machine:
         if left and event and edge.order < left.edge.order:
             row = self.procedure.rows[left.step]
             if event in row.on and self._counts(edge, row):
-                self.step, self.row, self._cause = left.step, row, left.cause
+                self.step, self.row = left.step, row
                 self._reversed, self.passes.coarse = left.reversed, left.coarse_pass
         if event and event in self.row.on and self._counts(edge, self.row):
             self._advance(event, edge)
@@ -261,8 +260,7 @@ class Machine:
         self.arrows.append((self.step, event))
         self._turnoff = None
         if isinstance(cause, Edge):
-            self._turnoff = Turnoff(
-                self.step, cause, self._cause, self._reversed, self.passes.coarse)
+            self._turnoff = Turnoff(self.step, cause, self._reversed, self.passes.coarse)
         if event is Event.LIMIT_AHEAD:
             if self._reversed:
                 self.fail(Fault(
