@@ -7,18 +7,17 @@ homing direction is applied here, once. SI units; times in s of one monotonic cl
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from .history import History
 from .limits import Action
 from .machine import Machine
 from .motions import Way
+from .outcome import Fault, Outcome
 from .parameters import AxisParameters, switch_inputs
 from .profile import Profile
 from .signals import Edge, Switch, Track
 from .states import LIMIT_SWITCHES, Error, HomeType, Input, State
-from .travel import Fault
 
 #: Longest wait for the feedback to settle after the command has come to rest, s.
 SETTLE_TIMEOUT = 0.5
@@ -37,31 +36,6 @@ class Setpoint(NamedTuple):
     position: float
     velocity: float
     acceleration: float
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a run ended (or why a request was refused), and where home is, raw, m.
-
-    ``passes_range`` and ``passes_deviation`` (standard deviation) in m are those of the ``passes``
-    over the reference; ``index_margin`` the distance from the arming edge to the first Z-pulse in
-    pitches, None where it is not known.
-    """
-
-    error: Error
-    message: str = ''
-    home_position_raw: float = 0.0
-    home_offset: float = 0.0
-    uncertainty: float = 0.0
-    passes: int = 0
-    passes_range: float = 0.0
-    passes_deviation: float = 0.0
-    index_margin: float | None = None
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def success(self) -> bool:
-        return self.error is Error.NoError
 
 
 class Axis:

@@ -18,7 +18,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from .axis import Axis, Outcome, Setpoint
+from .axis import Axis, Setpoint
+from .outcome import Outcome
 from .spec import Spec
 from .states import Error
 

@@ -5,7 +5,8 @@ No ROS: the services await an :class:`Answer`, which the cycle gives.
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 
-from .axis import Axis, Outcome
+from .axis import Axis
+from .outcome import Outcome
 from .request import Request
 from .states import Error
 

@@ -9,7 +9,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
 from . import convert
-from .axis import Axis, Outcome
+from .axis import Axis
+from .outcome import Outcome
 from .stamps import REORDERED, Stamps, too_late
 from .states import LATCHES, Error, Input
 from .timebase import TimeBase

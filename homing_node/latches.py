@@ -10,10 +10,10 @@ from statistics import median
 
 from .events import Event
 from .motions import Way
+from .outcome import Fault
 from .parameters import AxisParameters
 from .signals import Mark
 from .states import Error, Input
-from .travel import Fault
 
 #: Spacings that the pitch is taken from.
 MOST_SPACINGS = 32

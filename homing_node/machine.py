@@ -15,13 +15,14 @@ from .latches import Latches
 from .limits import Action, Limit, LimitSwitches
 from .mechanical_end import MechanicalEnd
 from .motions import Kind, Way
+from .outcome import Fault
 from .parameters import AxisParameters
 from .passes import Passes
 from .procedures import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Row, Step
 from .profile import Dynamics, Profile
 from .signals import Edge, Mark, Switch, Track
 from .states import Error, IndexMarginAction, Input, Role, State
-from .travel import Fault, Leg, Rules
+from .travel import Leg, Rules
 
 
 class Turnoff(NamedTuple):

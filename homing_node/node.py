@@ -30,11 +30,12 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from . import convert
-from .axis import Axis, Outcome, Setpoint
+from .axis import Axis, Setpoint
 from .configuration import SetpointInterface, home_sequence
 from .configured_node import ConfiguredNode
 from .dispatch import Dispatch
 from .inputs import Inputs
+from .outcome import Outcome
 from .parameters import AxisParameters
 from .qos import POLICIES
 from .reports import Publishers, Reports

@@ -5,10 +5,10 @@ Positions are in the *toward* frame, m or rad.
 
 from statistics import fmean, pstdev
 
+from .outcome import Fault
 from .parameters import AxisParameters
 from .signals import Edge, Mark
 from .states import Error
-from .travel import Fault
 
 
 class Passes:

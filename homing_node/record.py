@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .axis import Outcome
 from .events import Event
+from .outcome import Outcome
 from .procedures import Step
 from .rehearsal import Course, Sample
 from .simulation import Happening

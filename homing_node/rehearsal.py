@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import NamedTuple
 
-from .axis import Axis, Outcome, Setpoint
+from .axis import Axis, Setpoint
 from .layout import AxisLayout
+from .outcome import Outcome
 from .parameters import AxisParameters
 from .simulation import Happening, SimulatedAxis
 from .states import LATCHES, Input

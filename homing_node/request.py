@@ -7,7 +7,8 @@ request for one axis is a request of one group with one axis. No clock, no ROS:
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
-from .axis import Axis, Outcome
+from .axis import Axis
+from .outcome import Outcome
 from .states import Error
 
 

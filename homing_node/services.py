@@ -12,8 +12,9 @@ from homing_interfaces.action import Home
 from std_srvs.srv import SetBool, Trigger
 
 from . import convert
-from .axis import Axis, Outcome
+from .axis import Axis
 from .dispatch import Dispatch
+from .outcome import Outcome
 from .reports import Reports
 from .request import Request
 from .states import Error

@@ -4,10 +4,10 @@ No sign and no clock: positions are in the *toward* frame, m or rad, times in s 
 """
 
 import math
-from typing import NamedTuple
 
 from .events import Event
 from .motions import Bound, Kind, Way
+from .outcome import Fault
 from .parameters import AxisParameters
 from .procedures import Row
 from .signals import Track
@@ -28,14 +28,6 @@ HINTS = {
     Bound.HS_ON_AT_START: 'is the switch stuck on, or its polarity inverted?',
     Bound.SEARCH: 'is the switch wired, and the direction right?',
 }
-
-
-class Fault(NamedTuple):
-    """A rule that a motion broke: the error, what was seen, what may be the reason."""
-
-    error: Error
-    seen: str
-    hint: str = ''
 
 
 class Leg:

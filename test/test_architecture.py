@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / 'homing_node'
 #: The core: no ROS, no clock, no thread, no I/O. Each line imports only from lines above it.
 CORE = [
     {'states', 'profile', 'stamps'},
-    {'events', 'motions', 'signals', 'history', 'spec'},
+    {'events', 'motions', 'signals', 'history', 'spec', 'outcome'},
     {'procedures', 'qos'},
     {'parameters'},
     {'configuration', 'flags', 'limits', 'mechanical_end', 'travel'},

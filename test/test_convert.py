@@ -13,8 +13,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64, Header
 
 from homing_node import convert
-from homing_node.axis import Axis, Outcome, Setpoint
+from homing_node.axis import Axis, Setpoint
 from homing_node.configuration import AXIS_SPECS, NODE_SPECS
+from homing_node.outcome import Outcome
 from homing_node.parameters import axis_parameters
 from homing_node.states import Error, Input
 

@@ -3,8 +3,8 @@
 import pytest
 from test_request import FakeAxis, running
 
-from homing_node.axis import Outcome
 from homing_node.dispatch import Answer, Dispatch
+from homing_node.outcome import Outcome
 from homing_node.states import Error
 
 

@@ -6,6 +6,7 @@ from core_rig import HS, LIMIT_AHEAD, LIMIT_BEHIND, NEAR_AHEAD, error_of, furthe
 from homing_node.events import Event
 from homing_node.layout import SwitchLayout
 from homing_node.machine import Machine
+from homing_node.outcome import Fault
 from homing_node.procedures import (
     HOME_SHIFT,
     HOME_SHIFT_MOVE,
@@ -25,7 +26,6 @@ from homing_node.procedures import (
 from homing_node.profile import Profile
 from homing_node.signals import Edge, Switch
 from homing_node.states import Error, Input, State
-from homing_node.travel import Fault
 
 PERIOD = 0.004
 

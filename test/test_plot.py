@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from homing_node.axis import Outcome
 from homing_node.examples import BEYOND, EXAMPLES, Run
 from homing_node.layout import AxisLayout
+from homing_node.outcome import Outcome
 from homing_node.plot import POSITION_DIAGRAM, PROFILE, Panel, figure, save
 from homing_node.rehearsal import Course, Sample, rehearse
 from homing_node.states import Error, HomeType, State

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from homing_node import record
-from homing_node.axis import Outcome
 from homing_node.examples import BEYOND, EXAMPLES
+from homing_node.outcome import Outcome
 from homing_node.rehearsal import Course, Sample
 from homing_node.simulation import Happening
 from homing_node.states import Error, HomeType, Input, State

@@ -2,7 +2,7 @@
 
 import pytest
 
-from homing_node.axis import Outcome
+from homing_node.outcome import Outcome
 from homing_node.request import Request
 from homing_node.states import Error, State
 
