@@ -507,7 +507,10 @@ def hosts(tmp_path_factory):
     made.close()
 
 
-def assert_homed_right_or_stopped(ended):
+LATE = ('FeedbackStale', 'SwitchStale', 'EdgeNotRepeated', 'FollowingError')
+
+
+def assert_homed_right_or_stopped(ended, errors=LATE):
     """Check that it homed within its uncertainty, or ended with an error at rest."""
     name, _, told = ended.message.partition(': ')
     if name == 'Homed':
@@ -515,7 +518,7 @@ def assert_homed_right_or_stopped(ended):
         found, unsure = float(values['home_position_raw']), float(values['uncertainty'])
         assert abs(found - ros.LAYOUT['home_switch'][0]) <= unsure + 1e-6
     else:
-        assert name in ('FeedbackStale', 'SwitchStale', 'EdgeNotRepeated', 'FollowingError')
+        assert name in errors
     positions = [position for position, _ in ended.setpoints]
     assert max(positions) < ros.LAYOUT['hard_stops'][1]
     assert ended.setpoints[-1][1] == 0.0
@@ -523,13 +526,11 @@ def assert_homed_right_or_stopped(ended):
 
 
 @needs_two_hosts
-@pytest.mark.parametrize(('delay', 'jitter', 'loss'), [
-    (0.0, 0.0, 0.0), (0.005, 0.005, 0.0), (0.002, 0.002, 0.05)],
-    ids=['clean', 'late', 'lossy'])
-def test_two_hosts(hosts, delay, jitter, loss):
-    hosts.cable.delay, hosts.cable.jitter, hosts.cable.loss = delay, jitter, loss
+@pytest.mark.parametrize('delay', [0.0, 0.005], ids=['clean', 'late'])
+def test_two_hosts(hosts, delay):
+    hosts.cable.delay = hosts.cable.jitter = delay
     name = assert_homed_right_or_stopped(hosts.home())
-    if not loss and not jitter:
+    if not delay:
         assert name == 'Homed'
 
 
@@ -552,3 +553,14 @@ def test_the_cable_is_cut(hosts):
             return
         again = hosts.home()
     assert assert_homed_right_or_stopped(again) == 'Homed'
+
+
+@needs_two_hosts
+def test_a_cable_that_loses_messages(hosts):
+    """An edge that is lost comes again with its writer's next heartbeat, in 3 s at worst.
+
+    By then a limit switch may have ended the run.
+    """
+    hosts.cable.delay = hosts.cable.jitter = 0.002
+    hosts.cable.loss = 0.05
+    assert_homed_right_or_stopped(hosts.home(), (*LATE, 'LSTriggered'))
