@@ -108,8 +108,8 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
             node[name] = _node_value(spec, values.get(name))
         except ValueError as error:
             faults.append(str(error))
-    names = node.get('axes', [])
-    faults += _bad_names(names)
+    names = list(dict.fromkeys(node.get('axes', [])))
+    faults += _bad_names(node.get('axes'))
     axes: dict[str, AxisParameters] = {}
     topics: dict[str, dict[Input, str]] = {}
     for axis in names:
@@ -188,8 +188,10 @@ def _node_value(spec: Spec, value: Any) -> Any:
     return spec.convert(value)
 
 
-def _bad_names(names: list[str]) -> list[str]:
-    faults = []
+def _bad_names(names: list[str] | None) -> list[str]:
+    if names is None:  # a fault already
+        return []
+    faults = [] if names else ["axes: no axis is named: axes: ['x', 'y']"]
     for name in names:
         if not AXIS_NAME.fullmatch(name):
             faults.append(f'axes: {name!r} is not a name: a letter, then letters, digits and _')

@@ -211,15 +211,15 @@ class Edge(Mark):
         believed it is at most the travel of one feedback interval (of a coarse encoder one count).
         """
         near = track.near(self.time)
-        steps = [(t1 - t0, abs(p1 - p0)) for (t1, p1), (t0, p0) in pairwise(near)]
-        speed = max(step / interval for interval, step in steps)
+        steps = [abs(newer - older) for (_, newer), (_, older) in pairwise(near)]
+        interval = (near[0][0] - near[-1][0]) / len(steps)  # the mean: doubted times may bunch
         bend = max((abs(a - 2.0 * b + c) for (_, a), (_, b), (_, c) in zip(
             near, near[1:], near[2:], strict=False)), default=0.0) / 2.0
         grain = track.grain if track.grain < inf else 0.0
         doubt = track.doubt if track.doubted >= near[-1][0] else 0.0
-        known = speed * (self.doubt + doubt) + bend + grain
+        known = max(steps) / interval * (self.doubt + doubt) + bend + grain
         if self.stamped and not doubt:
-            known = min(known, max(grain, *(step for _, step in steps)))
+            known = min(known, max(grain, *steps))
         return max(known, FINEST)
 
 

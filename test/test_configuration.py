@@ -86,8 +86,14 @@ def test_a_fault_of_what_every_ros_node_has(name, value, parts):
         assert part in fault
 
 
+def test_an_axis_that_is_named_twice_has_its_faults_told_once():
+    found = faults({**flat(), 'axes': ['x', 'x'], 'x.travel': -1.0})
+    assert sum('x.travel' in fault for fault in found) == 1
+
+
 @pytest.mark.parametrize(('changes', 'parts'), [
     ({'axes': None}, ['axes: required']),
+    ({'axes': []}, ['axes: no axis is named']),
     ({'axes': 'x'}, ['axes', 'quote']),
     ({'axes': [True]}, ['axes', 'quote']),
     ({'axes': 5}, ['axes: 5', 'list of strings']),

@@ -110,6 +110,13 @@ def test_the_time_of_an_arrival_may_be_off_by_more_than_an_interval():
         assert edge.uncertainty == pytest.approx(uncertainty, abs=1e-6)
 
 
+def test_samples_that_came_together_do_not_make_the_axis_quick():
+    """Their times are those of their arrival: 1 m/s, though two are 1 ms apart."""
+    edge = Edge(HS, 1.5, True, 1.0, stamped=False)
+    edge.locate(track((0.0, 0.0), (1.0, 1.0), (2.0, 2.0), (2.001, 3.0)))
+    assert edge.uncertainty < 4.0
+
+
 def test_the_count_of_an_encoder_is_its_smallest_step():
     one = track((0.0, 0.3), (1.0, 0.3), (2.0, 0.5), (3.0, 0.6), (4.0, 0.9))
     assert one.grain == pytest.approx(0.1)
