@@ -1,8 +1,8 @@
 """What can happen to an axis while it homes: the vocabulary of the arrows in the tables.
 
 An edge counts for a row only if the axis traveled the row's way at the edge's own time, and an
-edge going away only if it lies no further toward than the same switch's last edge going toward
-(machine.py holds both rules, once, for every table).
+edge going away only at that end of the flag where the axis came in (machine.py and flags.py hold
+both rules, once, for every table).
 """
 
 from .states import Word

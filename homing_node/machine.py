@@ -149,7 +149,8 @@ class Machine:
     def limit_rises(self, switch: Input) -> None:
         """Take a limit switch's rising edge at once, before its position is known.
 
-        The reversal and the reference are left to :meth:`edge`; all else is decided here.
+        What the present search takes as its reversal or reference is left to :meth:`edge`; all
+        else is decided here.
         """
         limit = self._limits.get(switch)
         if limit is None or self._both_on() or limit.role is Role.IGNORED:

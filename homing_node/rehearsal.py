@@ -60,7 +60,7 @@ class Course:
     """The record of one run, made by a rehearsal or from a real graph.
 
     ``samples`` has one entry a cycle in which the axis had a setpoint; ``happenings`` what the
-    switches did, where that is known; ``taken`` the home position, if it was found.
+    switches did, where that is known; ``arrows`` what the machine went through.
     """
 
     samples: list[Sample] = field(default_factory=list)

@@ -226,8 +226,8 @@ class Edge(Mark):
 class Switch:
     """One input's level: polarity, debounce, age.
 
-    ``level`` is None until the first message; ``bounces`` counts the changes that the debounce
-    swallowed.
+    ``level`` is None until the first message; ``bounces`` counts the changes that
+    came before the debounce, or BOUNCE_TIME, had passed since the last one.
     """
 
     __slots__ = ('input', 'inverted', 'debounce', 'level', 'seen', 'bounces',
