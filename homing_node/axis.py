@@ -309,6 +309,14 @@ class Axis:
         return 0.0 if self.machine is None else self.machine.torque_limit
 
     @property
+    def shown(self) -> tuple[object, ...]:
+        """What differs wherever something changes that others watch."""
+        machine = self.machine
+        if machine is None:
+            return self.outcome, self.homed, self.servo_on
+        return machine.step, machine.error, machine.paused, machine.end.touched, self.servo_on
+
+    @property
     def hold_position(self) -> float:
         """The raw command that keeps the axis where it rests."""
         return self._sign * self._start_command()

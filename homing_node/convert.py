@@ -4,29 +4,23 @@ Scalars are cast to their field's type: a wrong type is not noticed when a messa
 """
 
 import math
-import struct
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from builtin_interfaces.msg import Duration, Time
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from .axis import Axis, Setpoint
+from .axis import Axis
+from .cdr import NS
 from .outcome import Outcome
 from .spec import Spec
 from .states import Error
-
-NS = 1_000_000_000
-#: How a message in plain CDR of this machine's byte order begins, and numbers in it.
-LITTLE_ENDIAN = b'\x00\x01'
-STAMP, LENGTH = struct.Struct('<iI'), struct.Struct('<I')
 
 
 def descriptor(spec: Spec, read_only: bool = False) -> ParameterDescriptor:
@@ -70,74 +64,6 @@ def data_of(data: bytes, kind: type[Any]) -> bool | float | None:
     except RuntimeError:
         return None
     return value
-
-
-class JointStateReader:
-    """Reads serialized joint states without making message objects of them.
-
-    Such an object costs four times as much as all else that is done with a sample. The frame and
-    the names, the same from one sample to the next, are read once. Source: OMG DDS-XTypes 1.3,
-    7.4.1 (a number of n bytes lies at a multiple of n, counted from behind the first four).
-    """
-
-    def __init__(self) -> None:
-        self._head = b''  # from the length of frame_id on
-        self._end = 0  # where the number of positions stands
-        self._names: list[str] = []
-
-    def read(self, data: bytes) -> tuple[int, list[tuple[str, float]]] | None:
-        """Return the stamp in ns and each (joint, position) that is paired and finite.
-
-        None where the message is broken.
-        """
-        try:
-            if data[:2] != LITTLE_ENDIAN:
-                data = serialize_message(deserialize_message(data, JointState))
-            seconds, nanoseconds = STAMP.unpack_from(data, 4)
-            if not (self._head and data.startswith(self._head, 12)):
-                self._read_head(data)
-            end = self._end
-            count = min(LENGTH.unpack_from(data, end)[0], len(self._names))
-            positions = struct.unpack_from(f'<{count}d', data, end + (4 if end % 8 == 0 else 8))
-        except (RuntimeError, struct.error):
-            return None
-        return seconds * NS + nanoseconds, [
-            pair for pair in zip(self._names, positions, strict=False)
-            if math.isfinite(pair[1])]
-
-    def _read_head(self, data: bytes) -> None:
-        _, at = _text(data, 12)
-        count, = LENGTH.unpack_from(data, at)
-        at += 4
-        names = []
-        for _ in range(count):
-            name, at = _text(data, at)
-            names.append(name)
-        LENGTH.unpack_from(data, at)  # the head is whole
-        self._names, self._head, self._end = names, data[12:at], at
-
-
-def _text(data: bytes, at: int) -> tuple[str, int]:
-    """Return a text and where the next number of four bytes stands."""
-    length, = LENGTH.unpack_from(data, at)
-    end = at + 4 + length
-    return data[at + 4:end - 1].decode(errors='replace'), end + -end % 4
-
-
-def trajectory(period: float) -> JointTrajectory:
-    """Make a message for the setpoints of a cycle, due a period from now: stamp 0 means now."""
-    nanoseconds = round(period * NS)
-    return JointTrajectory(points=[JointTrajectoryPoint(
-        time_from_start=Duration(sec=nanoseconds // NS, nanosec=nanoseconds % NS))])
-
-
-def fill(message: JointTrajectory, joints: list[str], setpoints: Sequence[Setpoint]) -> None:
-    """Give such a message the setpoints of some joints."""
-    point = message.points[0]
-    message.joint_names = joints
-    point.positions = [s.position for s in setpoints]
-    point.velocities = [s.velocity for s in setpoints]
-    point.accelerations = [s.acceleration for s in setpoints]
 
 
 def position_commands(commands: Iterable[float]) -> Float64MultiArray:

@@ -1,8 +1,10 @@
 """The node's subscriptions, polled by the cycle: messages and their stamps to the axes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import partial
+from math import isfinite
 from typing import Any
 
 from sensor_msgs.msg import JointState
@@ -10,6 +12,7 @@ from std_msgs.msg import Bool, Float64
 
 from . import convert
 from .axis import Axis
+from .cdr import JointStateReader
 from .outcome import Outcome
 from .stamps import REORDERED, Stamps, too_late
 from .states import LATCHES, Error, Input
@@ -18,6 +21,8 @@ from .timebase import TimeBase
 #: In simulated time an edge is as old as its way took, and it is seen at the next cycle: this many
 #: periods may lie between.
 UNSTAMPED = 2.0
+#: More lists of joints than publishers can have: what was known of their stamps is forgotten.
+MANY_FEEDS = 100
 
 Info = Mapping[str, int]  # what the middleware tells of a message
 Subscribe = Callable[[Any, str, Any], Any]  # (message type, topic, QoS) -> a polled subscription
@@ -44,6 +49,31 @@ class Wire:
         return f'{self.source} ({self.subscription.topic_name})'
 
 
+class Feed:
+    """The axes whose joints stand in one list, as one publisher tells them.
+
+    ``groups``: the axes with the same ``feedback_timeout`` and their places in the list; what they
+    believe of a stamp is the same.
+    """
+
+    def __init__(self, places: Sequence[tuple[int, Axis]]) -> None:
+        self._places = places
+        self.groups: list[tuple[Stamps, list[tuple[int, Axis]]]] = []
+        self.regroup()
+
+    def regroup(self) -> None:
+        """Follow changed parameters; what is known of the stamps stays."""
+        known = {stamps.limit: stamps for stamps, _ in self.groups}
+        groups: dict[float, list[tuple[int, Axis]]] = {}
+        for place, axis in self._places:
+            groups.setdefault(axis.parameters.feedback_timeout, []).append((place, axis))
+        self.groups = []
+        for limit, places in groups.items():
+            stamps = known.get(limit) or copy(next(iter(known.values()), Stamps(limit, REORDERED)))
+            stamps.limit = limit
+            self.groups.append((stamps, places))
+
+
 class Inputs:
     """All inputs of all axes.
 
@@ -62,10 +92,9 @@ class Inputs:
         self._axes = axes
         self._clock = clock
         self._subscribe, self._destroy = subscribe, destroy
-        self._by_joint = {
-            joint: (axes[axis], Stamps(axes[axis].parameters.feedback_timeout, REORDERED))
-            for axis, joint in joints.items()}
-        self._reader = convert.JointStateReader()
+        self._by_joint = {joint: axes[axis] for axis, joint in joints.items()}
+        self._feeds: dict[tuple[str, ...], Feed] = {}  # by the names of a message
+        self._reader = JointStateReader()
         self._next_feedback = _taker(subscribe(JointState, 'joint_states', feedback_qos))
         self._next_emergency_stop = _taker(subscribe(Bool, '~/emergency_stop', 10))
         self._wires: dict[str, list[Wire]] = {name: [] for name in axes}
@@ -86,9 +115,10 @@ class Inputs:
                 self._destroy(wire.subscription)
         self._wires[name] = [kept.get(source) or self._connect(source, *how)
                              for source, how in wanted.items()]
-        feedback = (stamps for axis, stamps in self._by_joint.values() if axis.name == name)
-        for stamps in (*feedback, *(wire.stamps for wire in self._wires[name])):
-            stamps.limit = p.feedback_timeout
+        for wire in self._wires[name]:
+            wire.stamps.limit = p.feedback_timeout
+        for feed in self._feeds.values():
+            feed.regroup()
 
     def _connect(self, source: Input, topic: str, inverted: bool) -> Wire:
         kind = Float64 if source in LATCHES else Bool
@@ -179,7 +209,7 @@ class Inputs:
         read = self._reader.read(data)
         if read is None:
             return
-        sampled, positions = read
+        sampled, names, positions = read
         clock = self._clock
         arrival = sent = stamp = clock.now
         if not clock.simulated:
@@ -187,17 +217,27 @@ class Inputs:
             sent = stamp = clock.time_of(info['source_timestamp'])
         if sampled:
             stamp = clock.time_of(sampled)
-        for joint, position in positions:
-            if joint in self._by_joint:
-                axis, stamps = self._by_joint[joint]
-                found = stamps.believe(stamp, arrival, sent)
-                if found is not None:
-                    time, doubt = found
+        for stamps, places in (self._feeds.get(names) or self._feed(names)).groups:
+            found = stamps.believe(stamp, arrival, sent)
+            if found is None:
+                continue
+            time, doubt = found
+            for place, axis in places:
+                if place < len(positions) and isfinite(positions[place]):
                     if stamps.late:
                         axis.stop(Error.FeedbackStale, too_late('joint_states', stamps))
-                    axis.feedback(time, position, arrival, doubt)
+                    axis.feedback(time, positions[place], arrival, doubt)
                     if doubt:
                         axis.warn(f'joint_states: {stamps.warning}')
+
+    def _feed(self, names: tuple[str, ...]) -> Feed:
+        """Meet a list of joints for the first time."""
+        if len(self._feeds) >= MANY_FEEDS:
+            self._feeds.clear()
+        feed = self._feeds[names] = Feed([
+            (place, self._by_joint[name]) for place, name in enumerate(names)
+            if name in self._by_joint])
+        return feed
 
 
 def _taker(subscription: Any) -> Take:

@@ -85,7 +85,7 @@ class Machine:
         self.passes = Passes(parameters)
         self.index_margin: float | None = None
         self.warnings: list[str] = []
-        self._end = MechanicalEnd(parameters)
+        self.end = MechanicalEnd(parameters)
         self._paused_at = now
         self._stop_deceleration = 0.0
 
@@ -101,7 +101,7 @@ class Machine:
     @property
     def torque_limit(self) -> float:
         """The torque limit that the mechanical end asks for, %; 0: none."""
-        return self._end.torque_limit(searching=Event.END_DETECTED in self.row.on)
+        return self.end.torque_limit(searching=Event.END_DETECTED in self.row.on)
 
     @property
     def traveled(self) -> tuple[float, float]:
@@ -319,7 +319,7 @@ class Machine:
         if self._blocked(way):
             return
         self._rules.enter(self.row)
-        self._end.begin()
+        self.end.begin()
         if motion.kind is Kind.REST:
             profile.stop()
         elif motion.kind is Kind.HOME:
@@ -372,7 +372,7 @@ class Machine:
         return True
 
     def _end_detected(self) -> Event | None:
-        if not self._end.found(self.profile.position - self.feedback, self.now):
+        if not self.end.found(self.profile.position - self.feedback, self.now):
             return None
         self._found = Mark(self.feedback)
         return Event.END_DETECTED

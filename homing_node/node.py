@@ -31,6 +31,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from . import convert
 from .axis import Axis, Setpoint
+from .cdr import TrajectoryWriter
 from .configuration import SetpointInterface, home_sequence
 from .configured_node import ConfiguredNode
 from .dispatch import Dispatch
@@ -88,7 +89,7 @@ class HomingNode(ConfiguredNode):
         self._joints = checked.joints
         self._axes = {name: Axis(name, parameters, self._period)
                       for name, parameters in checked.axes.items()}
-        self._setpoints = convert.trajectory(self._period)  # the same message every cycle
+        self._writer = TrajectoryWriter(self._period)
         self._commands: dict[str, float] = {}  # of all axes while requests are active
         self._watched = 0.0
         self._lead = 0.0  # s
@@ -260,7 +261,7 @@ class HomingNode(ConfiguredNode):
             self._cycle(clock.now, due)
 
     def _cycle(self, now: float, due: float) -> None:
-        """Poll the inputs, update the axes, publish the setpoints when due, answer what ended."""
+        """Poll the inputs, update the axes, publish the setpoints, answer what ended."""
         setpoints = {}
         with self._lock:
             self._inputs.poll()
@@ -293,8 +294,7 @@ class HomingNode(ConfiguredNode):
     def _publish(self, setpoints: Mapping[str, Setpoint]) -> None:
         if self._by_trajectory:
             joints = [self._joints[name] for name in setpoints]
-            convert.fill(self._setpoints, joints, list(setpoints.values()))
-            self._trajectory.publish(self._setpoints)
+            self._trajectory.publish(self._writer.write(joints, setpoints.values()))
             return
         for name, axis in self._axes.items():
             if name in setpoints:

@@ -3,9 +3,11 @@
 The cycle queues, a thread of its own publishes: a slow reader never delays a setpoint.
 """
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
 from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
@@ -14,11 +16,12 @@ from std_msgs.msg import Bool, Float64
 from . import convert
 from .axis import Axis
 
-#: Period of the homed joint states, s; states and diagnostics come every so many of it.
-PERIOD = 0.02
-STATE_EVERY = 5
-DIAGNOSTICS_EVERY = 50
-
+#: Periods of what comes by time, s: of each axis's state while it homes, and of the feedback to
+#: a goal; of the homed joint states; of the diagnostics.
+STATE_PERIOD = 0.1
+STATES_AT_ONCE = 8
+JOINT_STATES_PERIOD = 0.02
+DIAGNOSTICS_PERIOD = 1.0
 
 Publish = Callable[[Any], None]
 
@@ -52,13 +55,18 @@ class Reports:
         self._to = publishers
         self._stamp, self._lock, self._node_name = stamp, lock, node_name
         self._queue: SimpleQueue[tuple[Publish, Any]] = SimpleQueue()
+        self._shown: dict[str, tuple[object, ...]] = {}
         self._seen_states: dict[str, tuple[object, ...]] = {}
         self._seen_outputs: dict[str, tuple[bool, float]] = {}
+        self._turn = 0  # the next of the running axes
         self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
 
     def note(self, axis: Axis) -> None:
         """Queue the state of an axis where it has changed; the lock is held."""
-        name = axis.name
+        name, shown = axis.name, axis.shown
+        if self._shown.get(name) == shown:
+            return
+        self._shown[name] = shown
         state = (axis.state, axis.paused, axis.homed, axis.error)
         if self._seen_states.get(name) != state:
             self._seen_states[name] = state
@@ -72,16 +80,18 @@ class Reports:
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Publish until the node has ended and all that was queued is out."""
-        turn, due = 0, time.monotonic()
+        timetable = dict.fromkeys(
+            (self._next_states, self._feedback, self._joint_states, self._diagnostics),
+            time.monotonic())
         while not (ended() and self._queue.empty()):
+            report, due = min(timetable.items(), key=itemgetter(1))
             try:
                 publish, message = self._queue.get(timeout=max(0.0, due - time.monotonic()))
                 publish(message)
             except Empty:
-                turn, due = turn + 1, time.monotonic() + PERIOD
                 with self._lock:  # behind what the cycle has queued: states leave in their order
-                    for item in self._due(turn):
-                        self._queue.put(item)
+                    pause = report()
+                timetable[report] = max(due, time.monotonic() - pause) + pause
 
     def follow(self, goal: Any, names: Sequence[str]) -> None:
         """Send a goal of the action feedback about its axes."""
@@ -100,20 +110,37 @@ class Reports:
         return [convert.axis_state(stamp, self._axes[name])
                 for name in names if name in self._axes]
 
-    def _due(self, turn: int) -> list[tuple[Publish, Any]]:
-        """Return what is to be published by time; the lock is held."""
+    # ------------------------ what comes by time: queue it, return when it comes again; lock held
+
+    def _next_states(self) -> float:
+        """Tell the states of a few axes; they take turns, so that the cycle never waits long."""
+        running = [axis for axis in self._axes.values() if axis.running]
+        if not running:
+            return STATE_PERIOD
+        for axis in running[self._turn:self._turn + STATES_AT_ONCE]:
+            self._queue.put((self._to.states[axis.name].publish,
+                             convert.axis_state(self._stamp(), axis)))
+        self._turn += STATES_AT_ONCE
+        if self._turn >= len(running):
+            self._turn = 0
+        return STATE_PERIOD / math.ceil(len(running) / STATES_AT_ONCE)
+
+    def _feedback(self) -> float:
         stamp = self._stamp()
-        due: list[tuple[Publish, Any]] = []
-        axes = list(self._axes.values())
-        homed = {self._joints[axis.name]: axis.position for axis in axes if axis.homed}
-        if homed:
-            due.append((self._to.joint_states.publish, convert.joint_states(stamp, homed)))
-        if turn % STATE_EVERY == 0:
-            due += [(self._to.states[axis.name].publish, convert.axis_state(stamp, axis))
-                    for axis in axes if axis.running]
-            due += [(goal.publish_feedback, convert.feedback(stamp, followed))
-                    for goal, followed in self._goals.values()]
-        if turn % DIAGNOSTICS_EVERY == 0:
-            due.append((self._to.diagnostics.publish,
-                        convert.diagnostics(stamp, self._node_name, axes)))
-        return due
+        for goal, axes in self._goals.values():
+            self._queue.put((goal.publish_feedback, convert.feedback(stamp, axes)))
+        return STATE_PERIOD
+
+    def _joint_states(self) -> float:
+        homed = {self._joints[axis.name]: axis.position
+                 for axis in self._axes.values() if axis.homed}
+        if not homed:
+            return STATE_PERIOD
+        self._queue.put((self._to.joint_states.publish,
+                         convert.joint_states(self._stamp(), homed)))
+        return JOINT_STATES_PERIOD
+
+    def _diagnostics(self) -> float:
+        self._queue.put((self._to.diagnostics.publish, convert.diagnostics(
+            self._stamp(), self._node_name, self._axes.values())))
+        return DIAGNOSTICS_PERIOD

@@ -1,19 +1,13 @@
 """Messages and descriptors."""
 
-import math
-import struct
 
 import pytest
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from hypothesis import given
-from hypothesis import strategies as st
-from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64, Header
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Bool, Float64
 
 from homing_node import convert
-from homing_node.axis import Axis, Setpoint
+from homing_node.axis import Axis
 from homing_node.configuration import AXIS_SPECS, NODE_SPECS
 from homing_node.outcome import Outcome
 from homing_node.parameters import axis_parameters
@@ -67,68 +61,11 @@ def ns(stamp):
     return stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
-@pytest.mark.parametrize(('message', 'expected'), [
-    (JointState(name=['a', 'b', 'c', 'd'], position=[1.0, math.nan, math.inf, 2.0]),
-     [('a', 1.0), ('d', 2.0)]),
-    (JointState(name=['a', 'b'], position=[1.0]), [('a', 1.0)]),
-    (JointState(name=['a'], position=[1.0, 2.0]), [('a', 1.0)]),
-    (JointState(name=['a'], velocity=[1.0]), []),
-    (JointState(), []),
-])
-def test_positions(message, expected):
-    message.header.stamp = Time(sec=3, nanosec=5)
-    read = convert.JointStateReader().read(serialize_message(message))
-    assert read == (3_000_000_005, expected)
-
-
-MESSAGES = st.builds(
-    lambda frame, names, positions, velocities, sec, nanosec: JointState(
-        header=Header(frame_id=frame, stamp=Time(sec=sec, nanosec=nanosec)), name=names,
-        position=positions, velocity=velocities),
-    st.sampled_from(['', 'base', 'é']), st.lists(st.sampled_from(['x', '', 'joint_1', 'жж'])),
-    st.lists(st.floats(allow_nan=False, allow_infinity=False)),
-    st.lists(st.floats(), max_size=2), st.integers(-2**31, 2**31 - 1), st.integers(0, 2**32 - 1))
-
-
-@given(st.lists(MESSAGES, max_size=6), st.floats(0.0, 1.0))
-def test_joint_states_are_read_as_rclpy_reads_them(messages, part):
-    """Whole ones between broken ones, in any order; of a broken one nothing is made up."""
-    reader = convert.JointStateReader()
-    for message in messages:
-        data = serialize_message(message)
-        pairs = zip(message.name, message.position, strict=False)
-        expected = ns(message.header.stamp), list(pairs)
-        assert reader.read(data) == expected
-        assert reader.read(data[:int(part * len(data))]) in (None, expected)
-        assert reader.read(data) == expected
-
-
-def test_a_joint_state_in_the_other_byte_order():
-    data = b'\0\0\0\0' + struct.pack('>iIIxxxxI', 3, 5, 1, 1) + struct.pack(
-        '>I2s2xI', 2, b'x\0', 1) + struct.pack('>dII', 1.5, 0, 0)
-    assert deserialize_message(data, JointState).position[0] == 1.5
-    assert convert.JointStateReader().read(data) == (3_000_000_005, [('x', 1.5)])
-
-
 @pytest.mark.parametrize('message', [Bool(data=True), Bool(data=False), Float64(data=-0.25)])
 def test_values(message):
     data = serialize_message(message)
     assert convert.data_of(data, type(message)) == message.data
     assert convert.data_of(data[:3], type(message)) is None
-
-
-def test_trajectory():
-    message = convert.trajectory(1 / 300)
-    convert.fill(message, ['c'], [Setpoint(9.0, 9.0, 9.0)])
-    convert.fill(message, ['a', 'b'], [Setpoint(1.0, 2.0, 3.0), Setpoint(-1.0, 0.0, 0.0)])
-    assert message.joint_names == ['a', 'b']
-    (point,) = message.points
-    assert list(point.positions) == [1.0, -1.0]
-    assert list(point.velocities) == [2.0, 0.0]
-    assert list(point.accelerations) == [3.0, 0.0]
-    assert (point.time_from_start.sec, point.time_from_start.nanosec) == (0, 3_333_333)
-    assert message.header.stamp == Time()
-    assert convert.trajectory(1.0).points[0].time_from_start.sec == 1
 
 
 def test_numbers_are_cast():

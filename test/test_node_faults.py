@@ -1,6 +1,5 @@
 """Faults between processes: what dies, hangs, lies or is cut off while an axis homes."""
 
-import itertools
 import json
 import math
 import signal
@@ -13,19 +12,11 @@ import cable
 import pytest
 import ros_harness as ros
 import yaml
-from builtin_interfaces.msg import Time
-from core_rig import rig
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
-
-from homing_node.axis import Axis
-from homing_node.inputs import Inputs
-from homing_node.states import Input
 
 SPEED = 0.05
 DRIVE = {'command_timeout': 0.1, 'stop_dec': 1.0}
@@ -305,144 +296,6 @@ def test_parameters_that_are_no_yaml(tmp_path, content):
     assert ended.returncode == 1, output
     assert b'homing_node: ' in output
     assert b'Traceback' not in output, output
-
-
-# -- anything at all ------------------------------------------------------------------------------
-
-class Subscription:
-    """What Inputs polls; a list stands for the middleware."""
-
-    def __init__(self, kind, topic):
-        self.msg_type, self.topic_name = kind, topic
-        self.handle = self
-        self.waiting = []
-
-    def take_message(self, kind, raw):
-        assert kind is self.msg_type
-        assert raw
-        return self.waiting.pop(0) if self.waiting else None
-
-    @staticmethod
-    def get_publisher_count():
-        return 1
-
-
-class Cell:
-    """An axis that homes, behind the node's own inputs, without a graph."""
-
-    PERIOD = 0.004
-
-    def __init__(self, home_type):
-        self.axis = Axis('x', rig(home_type).parameters(), self.PERIOD)
-        self.topics = {}
-        self.clock = SimpleNamespace(now=1000.0, simulated=False, time_of=self._time_of)
-        self.inputs = Inputs({'x': self.axis}, {'x': 'x'}, self.clock, self._subscribe,
-                             lambda _: None, 10)
-        self.inputs.wire('x', {})
-        self.last = None
-        for source in self.axis.parameters.inputs:
-            if 'switch' in source:
-                self.say(source, Bool(data=False))
-        self.say('joint_states', JointState(name=['x'], position=[0.05]))
-        self.cycle()
-        assert self.axis.home(self.clock.now) is None
-
-    def _subscribe(self, kind, topic, _):
-        name = topic.rpartition('/')[2]
-        self.topics[name] = Subscription(kind, topic)
-        return self.topics[name]
-
-    def _time_of(self, nanoseconds):
-        return self.clock.now + (nanoseconds - round(self.clock.now * 1e9)) * 1e-9
-
-    def say(self, topic, message, stamp=0.0, age=0.0):
-        """Put a message where the next cycle finds it; times relative to now, s."""
-        now = self.clock.now
-        if topic in self.topics:
-            self.topics[topic].waiting.append((serialize_message(message), {
-                'source_timestamp': round((now + stamp) * 1e9),
-                'received_timestamp': round((now - age) * 1e9)}))
-
-    def cycle(self):
-        self.clock.now += self.PERIOD
-        self.inputs.poll()
-        setpoint = self.axis.update(self.clock.now)
-        if setpoint is None:
-            self.last = None
-            return
-        assert all(map(math.isfinite, setpoint))
-        assert abs(setpoint.velocity) <= 0.2 * (1 + 1e-6)
-        if self.last is not None:
-            assert abs(setpoint.position - self.last) <= 0.2 * self.PERIOD * (1 + 1e-6) + 1e-9
-        self.last = setpoint.position
-
-
-def test_an_edge_in_simulated_time_is_no_better_than_its_cycle():
-    cell = Cell('HS')
-    cell.clock.simulated = True
-    taken = []
-    cell.axis.switch = lambda *edge: taken.append(edge)
-    cell.say('home_switch', Bool(data=True))
-    cell.cycle()
-    (source, at, level, arrival, doubt), = taken
-    assert (source, at, level, arrival) == (Input.HOME_SWITCH, cell.clock.now, True, at)
-    assert doubt == 2 * cell.PERIOD
-
-
-ANY = st.floats(allow_nan=True, allow_infinity=True)
-NEAR = st.floats(0.0, 0.1)
-TIMES = st.sampled_from([0.0, 0.0, -0.001, -0.05, -0.3, -3600.0, 0.5, 3600.0, 1e9])
-AGES = st.sampled_from([0.0, 0.0, 0.001, 0.1, 10.0])
-NAMES = st.sampled_from(['x', 'x', 'y', '', 'é' * 50])
-STAMPS = st.builds(Time, sec=st.sampled_from([0, 0, 999, 1000, -5, 2**31 - 1, -2**31]),
-                   nanosec=st.sampled_from([0, 1, 999_999_999, 2**32 - 1]))
-
-
-@st.composite
-def joint_states(draw):
-    message = JointState(name=draw(st.lists(NAMES, max_size=4)),
-                         position=draw(st.lists(ANY | NEAR, max_size=6)),
-                         velocity=draw(st.lists(ANY, max_size=2)))
-    message.header.stamp = draw(STAMPS)
-    return message
-
-
-EVENTS = st.one_of(
-    st.tuples(st.just('joint_states'), joint_states()),
-    st.tuples(st.sampled_from([i.value for i in Input if 'switch' in i]), st.booleans().map(
-        lambda level: Bool(data=level))),
-    st.tuples(st.sampled_from(['z_pulse', 'touch_probe']), (ANY | NEAR).map(
-        lambda value: Float64(data=value))),
-    st.tuples(st.just('emergency_stop'), st.sampled_from([False, False, False, True]).map(
-        lambda level: Bool(data=level))),
-    st.tuples(st.just(''), st.integers(1, 20)))
-
-
-@settings(max_examples=settings.default.max_examples * (
-    1 if settings.default.max_examples <= 200 else 10))
-@given(home_type=st.sampled_from(['HSHS', 'HSZPulse', 'TouchProbe', 'LS']),
-       events=st.lists(st.tuples(EVENTS, TIMES, AGES), max_size=25))
-def test_any_messages_in_any_order(home_type, events):
-    """No message makes a step, raises, or keeps the axis moving."""
-    cell = Cell(home_type)
-    feedback = itertools.count()
-    for (topic, message), stamp, age in events:
-        if topic:
-            cell.say(topic, message, stamp, age)
-            cell.cycle()
-            continue
-        for _ in range(message):
-            next(feedback)
-            position = 0.05 if cell.last is None else cell.last
-            cell.say('joint_states', JointState(name=['x'], position=[position]))
-            cell.cycle()
-    for _ in range(round(3.0 / cell.PERIOD)):
-        if not cell.axis.running:
-            break
-        cell.cycle()  # no feedback any more
-    assert not cell.axis.running
-    cell.cycle()
-    assert cell.last is None
 
 
 # -- two hosts ------------------------------------------------------------------------------------

@@ -1,0 +1,233 @@
+"""The node's inputs without a graph: a list stands for the middleware."""
+
+import itertools
+import math
+from types import SimpleNamespace
+
+from builtin_interfaces.msg import Time
+from core_rig import rig
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64
+
+from homing_node.axis import Axis
+from homing_node.inputs import MANY_FEEDS, Inputs
+from homing_node.states import Input
+
+
+class Subscription:
+    """What Inputs polls; a list stands for the middleware."""
+
+    def __init__(self, kind, topic):
+        self.msg_type, self.topic_name = kind, topic
+        self.handle = self
+        self.waiting = []
+
+    def take_message(self, kind, raw):
+        assert kind is self.msg_type
+        assert raw
+        return self.waiting.pop(0) if self.waiting else None
+
+    @staticmethod
+    def get_publisher_count():
+        return 1
+
+
+class Cell:
+    """An axis that homes, behind the node's own inputs, without a graph."""
+
+    PERIOD = 0.004
+
+    def __init__(self, home_type):
+        self.axis = Axis('x', rig(home_type).parameters(), self.PERIOD)
+        self.topics = {}
+        self.clock = SimpleNamespace(now=1000.0, simulated=False, time_of=self._time_of)
+        self.inputs = Inputs({'x': self.axis}, {'x': 'x'}, self.clock, self._subscribe,
+                             lambda _: None, 10)
+        self.inputs.wire('x', {})
+        self.last = None
+        for source in self.axis.parameters.inputs:
+            if 'switch' in source:
+                self.say(source, Bool(data=False))
+        self.say('joint_states', JointState(name=['x'], position=[0.05]))
+        self.cycle()
+        assert self.axis.home(self.clock.now) is None
+
+    def _subscribe(self, kind, topic, _):
+        name = topic.rpartition('/')[2]
+        self.topics[name] = Subscription(kind, topic)
+        return self.topics[name]
+
+    def _time_of(self, nanoseconds):
+        return self.clock.now + (nanoseconds - round(self.clock.now * 1e9)) * 1e-9
+
+    def say(self, topic, message, stamp=0.0, age=0.0):
+        """Put a message where the next cycle finds it; times relative to now, s."""
+        now = self.clock.now
+        if topic in self.topics:
+            self.topics[topic].waiting.append((serialize_message(message), {
+                'source_timestamp': round((now + stamp) * 1e9),
+                'received_timestamp': round((now - age) * 1e9)}))
+
+    def cycle(self):
+        self.clock.now += self.PERIOD
+        self.inputs.poll()
+        setpoint = self.axis.update(self.clock.now)
+        if setpoint is None:
+            self.last = None
+            return
+        assert all(map(math.isfinite, setpoint))
+        assert abs(setpoint.velocity) <= 0.2 * (1 + 1e-6)
+        if self.last is not None:
+            assert abs(setpoint.position - self.last) <= 0.2 * self.PERIOD * (1 + 1e-6) + 1e-9
+        self.last = setpoint.position
+
+
+def test_an_edge_in_simulated_time_is_no_better_than_its_cycle():
+    cell = Cell('HS')
+    cell.clock.simulated = True
+    taken = []
+    cell.axis.switch = lambda *edge: taken.append(edge)
+    cell.say('home_switch', Bool(data=True))
+    cell.cycle()
+    (source, at, level, arrival, doubt), = taken
+    assert (source, at, level, arrival) == (Input.HOME_SWITCH, cell.clock.now, True, at)
+    assert doubt == 2 * cell.PERIOD
+
+
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+NEAR = st.floats(0.0, 0.1)
+TIMES = st.sampled_from([0.0, 0.0, -0.001, -0.05, -0.3, -3600.0, 0.5, 3600.0, 1e9])
+AGES = st.sampled_from([0.0, 0.0, 0.001, 0.1, 10.0])
+NAMES = st.sampled_from(['x', 'x', 'y', '', 'é' * 50])
+STAMPS = st.builds(Time, sec=st.sampled_from([0, 0, 999, 1000, -5, 2**31 - 1, -2**31]),
+                   nanosec=st.sampled_from([0, 1, 999_999_999, 2**32 - 1]))
+
+
+@st.composite
+def joint_states(draw):
+    message = JointState(name=draw(st.lists(NAMES, max_size=4)),
+                         position=draw(st.lists(ANY | NEAR, max_size=6)),
+                         velocity=draw(st.lists(ANY, max_size=2)))
+    message.header.stamp = draw(STAMPS)
+    return message
+
+
+EVENTS = st.one_of(
+    st.tuples(st.just('joint_states'), joint_states()),
+    st.tuples(st.sampled_from([i.value for i in Input if 'switch' in i]), st.booleans().map(
+        lambda level: Bool(data=level))),
+    st.tuples(st.sampled_from(['z_pulse', 'touch_probe']), (ANY | NEAR).map(
+        lambda value: Float64(data=value))),
+    st.tuples(st.just('emergency_stop'), st.sampled_from([False, False, False, True]).map(
+        lambda level: Bool(data=level))),
+    st.tuples(st.just(''), st.integers(1, 20)))
+
+
+@settings(max_examples=settings.default.max_examples * (
+    1 if settings.default.max_examples <= 200 else 10))
+@given(home_type=st.sampled_from(['HSHS', 'HSZPulse', 'TouchProbe', 'LS']),
+       events=st.lists(st.tuples(EVENTS, TIMES, AGES), max_size=25))
+def test_any_messages_in_any_order(home_type, events):
+    """No message makes a step, raises, or keeps the axis moving."""
+    cell = Cell(home_type)
+    feedback = itertools.count()
+    for (topic, message), stamp, age in events:
+        if topic:
+            cell.say(topic, message, stamp, age)
+            cell.cycle()
+            continue
+        for _ in range(message):
+            next(feedback)
+            position = 0.05 if cell.last is None else cell.last
+            cell.say('joint_states', JointState(name=['x'], position=[position]))
+            cell.cycle()
+    for _ in range(round(3.0 / cell.PERIOD)):
+        if not cell.axis.running:
+            break
+        cell.cycle()  # no feedback any more
+    assert not cell.axis.running
+    cell.cycle()
+    assert cell.last is None
+
+
+# -- whose joints come together -------------------------------------------------------------------
+
+class Fed:
+    """Axes that rest, fed by one publisher."""
+
+    def __init__(self, **timeouts):
+        self.axes = {name: Axis(name, rig('HS', feedback_timeout=timeout).parameters(), 0.004)
+                     for name, timeout in timeouts.items()}
+        self.clock = SimpleNamespace(now=1000.0, simulated=False,
+                                     time_of=lambda ns: ns * 1e-9)
+        self.inputs = Inputs(self.axes, {name: name for name in self.axes}, self.clock,
+                             self._subscribe, lambda _: None, 10)
+        for name in self.axes:
+            self.inputs.wire(name, {})
+
+    def _subscribe(self, kind, topic, _):
+        made = Subscription(kind, topic)
+        if topic == 'joint_states':
+            self.feedback = made
+        return made
+
+    def say(self, age=0.0, later=0.004, **positions):
+        """Let one message come; return the axes that took its stamp, and those its arrival."""
+        self.clock.now += later
+        now = round(self.clock.now * 1e9)
+        stamp = now - round(age * 1e9)
+        self.feedback.waiting.append((
+            serialize_message(JointState(name=list(positions), position=positions.values())),
+            {'source_timestamp': stamp, 'received_timestamp': now}))
+        self.inputs.poll()
+        tracks = {name: axis._track for name, axis in self.axes.items()}
+        return (''.join(name for name, track in tracks.items() if track.time == stamp * 1e-9),
+                ''.join(name for name, track in tracks.items() if track.time == now * 1e-9))
+
+    def timeout(self, name, timeout):
+        self.axes[name].configure(rig('HS', feedback_timeout=timeout).parameters())
+        self.inputs.wire(name, {})
+
+
+def test_joints_come_in_any_order_and_company():
+    fed = Fed(x=0.1, y=0.1, z=0.1)
+    fed.say(y=1.0, other=9.0, x=2.0)
+    fed.say(z=3.0)
+    fed.say(x=math.nan, z=4.0)
+    assert [axis.position for axis in fed.axes.values()] == [2.0, 1.0, 4.0]
+
+
+def test_a_stamp_is_too_old_for_the_axis_that_says_so():
+    fed = Fed(x=0.1, y=0.02, z=0.1)
+    assert fed.say(0.001, x=0.0, y=0.0, z=0.0) == ('xyz', '')
+    assert fed.say(0.05, later=0.1, x=0.0, y=0.0, z=0.0) == ('xz', 'y')
+
+
+def test_a_changed_timeout_counts_for_its_axis():
+    fed = Fed(x=0.1, y=0.1)
+    assert fed.say(0.001, x=0.0, y=0.0) == ('xy', '')
+    fed.timeout('y', 0.02)
+    assert fed.say(0.05, later=0.1, x=0.0, y=0.0) == ('x', 'y')
+    fed.timeout('y', 0.1)
+    assert fed.say(0.05, later=0.1, x=0.0, y=0.0) == ('xy', '')
+
+
+def test_a_changed_timeout_does_not_make_a_doubted_clock_good():
+    fed = Fed(x=0.1, y=0.1)
+    fed.say(x=0.0, y=0.0)
+    for _ in range(10):  # it was set back by 30 ms
+        taken = fed.say(0.03, x=0.0, y=0.0)
+    assert taken == ('', 'xy')
+    fed.timeout('y', 0.5)
+    assert fed.say(0.03, x=0.0, y=0.0) == ('', 'xy')
+    assert fed.say(0.004, x=0.0, y=0.0) == ('xy', '')  # back at nearly the age that it had
+
+
+def test_lists_of_joints_without_end_are_not_kept():
+    fed = Fed(x=0.1)
+    for number in range(3 * MANY_FEEDS):
+        assert fed.say(x=0.0, **{f'other_{number}': 0.0}) == ('x', 'x')
+    assert len(fed.inputs._feeds) <= MANY_FEEDS

@@ -1,0 +1,72 @@
+"""What is published by time: by turns, each axis as often as the others."""
+
+import threading
+from collections import Counter
+from types import SimpleNamespace
+
+import pytest
+from core_rig import rig
+
+from homing_node.axis import Axis
+from homing_node.reports import STATES_AT_ONCE, Publishers, Reports
+
+
+class Watched:
+    """Reports about some axes that home, without a graph: what is published is kept."""
+
+    def __init__(self, number):
+        self.axes = {f'a{i}': Axis(f'a{i}', rig('HS').parameters(), 0.004) for i in range(number)}
+        for axis in self.axes.values():
+            for switch in axis.parameters.inputs:
+                axis.switch(switch, 0.0, False)
+            axis.feedback(0.0, 0.05)
+            assert axis.home(0.0) is None
+        self.published = []
+        self.reports = Reports(
+            self.axes, {name: name for name in self.axes},
+            Publishers(states=dict.fromkeys(self.axes, self.publisher('states')),
+                       servos=dict.fromkeys(self.axes, self.publisher('servos')),
+                       torque_limits=dict.fromkeys(self.axes, self.publisher('torque_limits')),
+                       joint_states=self.publisher('joint_states'),
+                       diagnostics=self.publisher('diagnostics')),
+            lambda: 0, threading.Lock(), 'homing_node')
+
+    def publisher(self, kind):
+        return SimpleNamespace(publish=lambda message: self.published.append((kind, message)))
+
+    def publish(self, until):
+        """Publish until a condition is true."""
+        self.reports.run(lambda: until(self.of('states')))
+
+    def of(self, kind):
+        return [message for published, message in self.published if published == kind]
+
+
+@pytest.mark.parametrize('number', [1, STATES_AT_ONCE, 2 * STATES_AT_ONCE + 3])
+def test_all_axes_that_home_are_told_of_in_turn(number):
+    watched = Watched(number)
+    watched.publish(lambda states: len(states) >= 3 * number)
+    told = [message.axis for message in watched.of('states')]
+    for turn in range(3):
+        assert sorted(told[turn * number:(turn + 1) * number]) == sorted(watched.axes)
+
+
+def test_axes_that_rest_are_not_told_of():
+    watched = Watched(3)
+    watched.axes['a1'].machine = None
+    watched.publish(lambda states: len(states) >= 6)
+    assert Counter(message.axis for message in watched.of('states')) == {'a0': 3, 'a2': 3}
+
+
+def test_what_changes_is_told_at_once_and_once():
+    watched = Watched(1)
+    axis, = watched.axes.values()
+    watched.reports.note(axis)
+    watched.reports.note(axis)
+    axis.set_servo(False)
+    watched.reports.note(axis)
+    watched.reports.note(axis)
+    watched.reports.run(lambda: True)
+    assert [message.error for message in watched.of('states')] == ['NoError', 'ServoOff']
+    assert [message.data for message in watched.of('servos')] == [True, False]
+    assert [message.data for message in watched.of('torque_limits')] == [0.0, 0.0]
