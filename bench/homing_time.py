@@ -3,14 +3,16 @@
 The switch is on from 100 to 110 mm, index pulses every 10 mm at 3.7 mm; fast 50, slow 5 mm/s,
 1 m/s^2, jerk 100 m/s^3. The counterpart is the sum of the time-optimal legs (ruckig), each from
 the state in which an event found the axis to that of the next event, to rest after the overrun,
-and to rest at home.
+and to rest at home. The starts are spread around the scenario's by a cycle's way in all, so that
+the switch rises at every time within a cycle.
 """
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from statistics import median
 from typing import NamedTuple
 
-from figures import Figure
+from figures import Figure, within
 from ruckig import InputParameter, Ruckig, Trajectory
 
 from homing_node.layout import AxisLayout, SwitchLayout
@@ -42,6 +44,7 @@ SCENARIOS = (
     Scenario('C (on the switch)', 'HS', 0.105),
 )
 RATES = {1000.0: 1000.0, 250.0: 500.0}  # of the cycle and of its feedback, Hz
+STARTS = 16
 
 
 def parameters(home_type: str, **more: object) -> AxisParameters:
@@ -102,20 +105,35 @@ def optimum(samples: Sequence[Sample], rows: Sequence[object]) -> float:
     return total
 
 
+class Duration(NamedTuple):
+    """How long a run took, s: until the command rested, at best, and until the axis was homed."""
+
+    moving: float
+    best: float
+    whole: float
+
+
+def measure(scenario: Scenario, rate: float) -> Duration:
+    """Time a run."""
+    course, rows = home(scenario, rate)
+    count = settled(course.samples)
+    samples = course.samples[:count]
+    return Duration(samples[-1].time - samples[0].time, optimum(samples, rows[:count]),
+                    course.duration)
+
+
 def figures(quick: bool = False) -> Iterator[Figure]:
-    """Yield the duration of each scenario; the runs are exact, one is enough."""
+    """Yield the duration of each scenario."""
     for scenario in SCENARIOS[:1] if quick else SCENARIOS:
         for rate in RATES:
-            course, rows = home(scenario, rate)
-            count = settled(course.samples)
-            samples = course.samples[:count]
-            moving = samples[-1].time - samples[0].time
-            best = optimum(samples, rows[:count])
+            starts = [scenario.start + ((i + 0.5) / STARTS - 0.5) * FAST / rate
+                      for i in range(STARTS)]
+            runs = [measure(scenario._replace(start=start), rate) for start in starts]
             name = f'{scenario.name}: {scenario.home_type}, {rate:g} Hz'
-            yield Figure(f'{name}, until the command rests, against its optimal legs', 's',
-                         [moving], [best], '≤ 1.01 ×', moving <= 1.01 * best)
-            whole = course.duration
-            goal = ('A ≤ 2.58', whole <= 2.58) if scenario.name == 'A' else ('', None)
-            bare = [scenario.linuxcnc] if scenario.linuxcnc else []
+            yield within(f'{name}, until the command rests, against its optimal legs', 's',
+                         [run.moving for run in runs], [run.best for run in runs], 1.01)
+            whole = [run.whole for run in runs]
+            goal = ('A ≤ 2.58', median(whole) <= 2.58) if scenario.name == 'A' else ('', None)
+            bare = [scenario.linuxcnc] * STARTS if scenario.linuxcnc else []
             yield Figure(f'{name}, until homed' + (', against LinuxCNC' if bare else ''), 's',
-                         [whole], bare, *goal)
+                         whole, bare, *goal)

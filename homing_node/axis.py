@@ -23,7 +23,7 @@ from .states import LIMIT_SWITCHES, Error, HomeType, Input, State
 SETTLE_TIMEOUT = 0.5
 #: The feedback has settled once it moved less than slow velocity x SETTLE_TRAVEL in SETTLE_TIME,
 #: and in no fewer than SETTLE_SAMPLES samples, all of them taken with the command at rest.
-SETTLE_TIME = 0.01
+SETTLE_TIME = 0.008
 SETTLE_TRAVEL = 1e-4
 SETTLE_SAMPLES = 3
 #: More bounces of one switch in a run are worth a warning.

@@ -331,8 +331,6 @@ class Machine:
 
     def _went_further(self) -> bool:
         """Go on by the homing reverse distance; at once done where stopping takes longer."""
-        if not self._cause.resolved:
-            return False
         if self._further:
             return self.profile.done
         target = self._cause.position - self.parameters.homing_reverse_distance

@@ -1011,6 +1011,24 @@ def test_an_edge_that_rises_after_the_mechanical_end(home_type, flag, direction)
     assert_homed(one.home(direction, 0.09), 0.085, direction)
 
 
+# -- turns ----------------------------------------------------------------------------------------
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('start', [0.05 - i * 1e-4 for i in range(8)])
+def test_without_a_reverse_distance_no_cycle_is_lost_at_the_turn(direction, start):
+    """The cycle that sees the edge turns, wherever between two samples of feedback that was."""
+    made = rig('HSHS').rehearsal(direction, start)
+    made.axis.home(0.0)
+    phases = set()
+    while made.axis.running:
+        made.cycle()
+        if made.axis.running:
+            phases.add(made.axis.machine.step.phase)
+    assert_homed(made.finish(), TRUE_HOME[HomeType.HSHS], direction)
+    assert 'further' not in phases
+
+
 # -- pauses ---------------------------------------------------------------------------------------
 
 
@@ -1040,7 +1058,7 @@ def test_pause_mode(home_type, direction, start):
 
 
 def test_every_arrow_was_taken(arrows_taken):
-    """Every arrow of every table was taken by some run of this file."""
+    """Every arrow of every table was taken by some run of the tests."""
     every = {(home_type, step, event) for home_type, procedure in PROCEDURES.items()
              for step, row in procedure.rows.items() for event in row.on}
     missed = sorted(f'{home_type}: {step} -- {event}'
