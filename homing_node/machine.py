@@ -314,7 +314,7 @@ class Machine:
             profile.stop()
             return
         if turns:
-            self._leg = Leg(way, self.feedback, profile.position, self.now, self._leg.way)
+            self._leg = Leg(way, self.feedback, profile.position, self.now, self._leg)
             self._latches.forget()
         if self._blocked(way):
             return

@@ -33,8 +33,8 @@ HINTS = {
 class Leg:
     """One stretch of travel in one way, measured from its turning point.
 
-    ``before`` is the way of the travel that led to it (NONE: it began at rest), ``since`` when it
-    was commanded; ``feedback`` and ``command`` are the turning point's. ``gone`` is how far the
+    ``before`` is the leg that it turned from (None: it began at rest), ``since`` when it was
+    commanded; ``feedback`` and ``command`` are the turning point's. ``gone`` is how far the
     command has gone from there, ``traveled`` how far the feedback has, ``against`` how far it went
     the other way: an axis that follows late overruns as far as its command did, which does not
     count.
@@ -44,9 +44,11 @@ class Leg:
                  '_feedback_at_turn')
 
     def __init__(
-        self, way: Way, feedback: float, command: float, since: float, before: Way = Way.NONE
+        self, way: Way, feedback: float, command: float, since: float,
+        before: 'Leg | None' = None,
     ) -> None:
-        self.way, self.before, self.since = way, before, since
+        self.way, self.since = way, since
+        self.before = before if before and before.way else None
         self.feedback = self._feedback_at_turn = feedback
         self.command = command
         self.gone = self.traveled = self.against = 0.0
@@ -69,9 +71,13 @@ class Leg:
         """Return the sign of the axis's travel at a time that the track covers.
 
         0 before a leg that began at rest, None while it is not yet known where the axis turned.
+        Messages may be older than several turns: a contact still bounces when its edge has turned
+        the axis.
         """
-        if self.before is Way.NONE:
+        if self.before is None:
             return self.way if time >= self.since else Way.NONE
+        if time < self.since:
+            return self.before.way_at(time, track)
         return track.traveled(time, self.since, self.way)
 
 

@@ -821,6 +821,23 @@ def test_contact_bounce_from_everywhere(home_type, direction, start):
 
 
 @BOTH_WAYS
+@pytest.mark.parametrize('home_type', ['HS', 'HSHS', 'HSReverseZPulse', 'LS'])
+@pytest.mark.parametrize('feedback_rate', [50.0, 1000.0])
+@pytest.mark.parametrize('delay', [0.002, 0.01])
+@pytest.mark.parametrize('start', [0.0101, 0.0613, 0.0632, 0.0852])
+@pytest.mark.parametrize('every', [0.0005, 0.0012])
+def test_bounces_that_come_when_their_edge_has_turned_the_axis(
+    home_type, direction, feedback_rate, delay, start, every
+):
+    """They lie before the turn, or before the one before it."""
+    for velocity in (0.05, 0.2):
+        one = rig(home_type, homing_velocity_fast=velocity).but(Transport(
+            feedback_rate=feedback_rate, feedback_delay=delay, switch_delay=delay))
+        made = spoilt(one, bouncing(every, times=2), direction, start)
+        assert_homed(made.home(), TRUE_HOME[HomeType(home_type)], direction)
+
+
+@BOTH_WAYS
 @SEARCHING_TYPES
 def test_a_debounce_costs_no_accuracy(home_type, direction):
     transport = Transport(feedback_rate=1000.0)

@@ -181,7 +181,8 @@ def test_a_mark_is_certain():
 #: Told at 1.0 s to turn, overruns until 1.2 s, then goes away; a noise of 0.01.
 TURN = track((0.8, 0.8), (0.9, 0.89), (1.0, 0.97), (1.1, 1.0), (1.2, 1.01), (1.3, 1.0),
              (1.4, 0.9), (1.5, 0.91), (1.6, 0.8))
-TURNING = Leg(Way.AWAY, 0.97, 0.98, since=1.0, before=Way.TOWARD)
+TOWARD = Leg(Way.TOWARD, 0.0, 0.0, since=0.0)
+TURNING = Leg(Way.AWAY, 0.97, 0.98, since=1.0, before=TOWARD)
 
 
 @pytest.mark.parametrize(('time', 'way'), [
@@ -198,7 +199,7 @@ def test_the_way_changes_where_the_feedback_turned(time, way):
     ([(1.0, 2.0), (2.0, 1.0)], 1.0),
 ])
 def test_where_between_the_samples_it_turned(samples, turn):
-    leg = Leg(Way.AWAY, 0.0, 0.0, since=1.0, before=Way.TOWARD)
+    leg = Leg(Way.AWAY, 0.0, 0.0, since=1.0, before=TOWARD)
     assert leg.way_at(turn - 1e-6, track(*samples)) == 1
     assert leg.way_at(turn + 1e-6, track(*samples)) == -1
 
@@ -222,7 +223,7 @@ def test_while_it_overruns_only_its_newest_stretch_is_unknown():
 def test_equal_samples_are_no_turn(last):
     """A coarse encoder, 1 count every 4 samples: the axis still goes the old way."""
     steps = track(*((0.1 * i, i // 4) for i in range(last)))
-    leg = Leg(Way.AWAY, 0.0, 0.0, since=0.15, before=Way.TOWARD)
+    leg = Leg(Way.AWAY, 0.0, 0.0, since=0.15, before=TOWARD)
     assert leg.way_at(0.1 * (last - 1), steps) is None
 
 
