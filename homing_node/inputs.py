@@ -21,7 +21,7 @@ from .timebase import TimeBase
 #: In simulated time an edge is as old as its way took, and it is seen at the next cycle: this many
 #: periods may lie between.
 UNSTAMPED = 2.0
-#: More lists of joints than publishers can have: what was known of their stamps is forgotten.
+#: More lists of joints than publishers can have: the oldest one is forgotten.
 MANY_FEEDS = 100
 
 Info = Mapping[str, int]  # what the middleware tells of a message
@@ -53,25 +53,27 @@ class Feed:
     """The axes whose joints stand in one list, as one publisher tells them.
 
     ``groups``: the axes with the same ``feedback_timeout`` and their places in the list; what they
-    believe of a stamp is the same.
+    believe of a stamp is the same. ``known``: what each axis last believed by.
     """
 
-    def __init__(self, places: Sequence[tuple[int, Axis]]) -> None:
-        self._places = places
+    def __init__(self, places: Sequence[tuple[int, Axis]], known: dict[str, Stamps]) -> None:
+        self._places, self._known = places, known
         self.groups: list[tuple[Stamps, list[tuple[int, Axis]]]] = []
         self.regroup()
 
     def regroup(self) -> None:
         """Follow changed parameters; what is known of the stamps stays."""
-        known = {stamps.limit: stamps for stamps, _ in self.groups}
-        groups: dict[float, list[tuple[int, Axis]]] = {}
+        groups: dict[float, tuple[Stamps, list[tuple[int, Axis]]]] = {}
         for place, axis in self._places:
-            groups.setdefault(axis.parameters.feedback_timeout, []).append((place, axis))
-        self.groups = []
-        for limit, places in groups.items():
-            stamps = known.get(limit) or copy(next(iter(known.values()), Stamps(limit, REORDERED)))
-            stamps.limit = limit
-            self.groups.append((stamps, places))
+            limit = axis.parameters.feedback_timeout
+            if limit not in groups:
+                stamps = copy(self._known.get(axis.name) or Stamps(limit, REORDERED))
+                stamps.limit = limit
+                groups[limit] = stamps, []
+            stamps, places = groups[limit]
+            places.append((place, axis))
+            self._known[axis.name] = stamps
+        self.groups = list(groups.values())
 
 
 class Inputs:
@@ -94,6 +96,7 @@ class Inputs:
         self._subscribe, self._destroy = subscribe, destroy
         self._by_joint = {joint: axes[axis] for axis, joint in joints.items()}
         self._feeds: dict[tuple[str, ...], Feed] = {}  # by the names of a message
+        self._feedback_stamps: dict[str, Stamps] = {}  # of each axis, as last believed
         self._reader = JointStateReader()
         self._next_feedback = _taker(subscribe(JointState, 'joint_states', feedback_qos))
         self._next_emergency_stop = _taker(subscribe(Bool, '~/emergency_stop', 10))
@@ -223,9 +226,9 @@ class Inputs:
                 continue
             time, doubt = found
             for place, axis in places:
+                if stamps.late:
+                    axis.stop(Error.FeedbackStale, too_late('joint_states', stamps))
                 if place < len(positions) and isfinite(positions[place]):
-                    if stamps.late:
-                        axis.stop(Error.FeedbackStale, too_late('joint_states', stamps))
                     axis.feedback(time, positions[place], arrival, doubt)
                     if doubt:
                         axis.warn(f'joint_states: {stamps.warning}')
@@ -233,10 +236,10 @@ class Inputs:
     def _feed(self, names: tuple[str, ...]) -> Feed:
         """Meet a list of joints for the first time."""
         if len(self._feeds) >= MANY_FEEDS:
-            self._feeds.clear()
+            del self._feeds[next(iter(self._feeds))]
         feed = self._feeds[names] = Feed([
             (place, self._by_joint[name]) for place, name in enumerate(names)
-            if name in self._by_joint])
+            if name in self._by_joint], self._feedback_stamps)
         return feed
 
 

@@ -67,7 +67,7 @@ class Reports:
         if self._shown.get(name) == shown:
             return
         self._shown[name] = shown
-        state = (axis.state, axis.paused, axis.homed, axis.error)
+        state = (axis.state, axis.paused, axis.homed, axis.error, axis.outcome)
         if self._seen_states.get(name) != state:
             self._seen_states[name] = state
             message = convert.axis_state(self._stamp(), axis)
@@ -117,12 +117,12 @@ class Reports:
         running = [axis for axis in self._axes.values() if axis.running]
         if not running:
             return STATE_PERIOD
+        if self._turn >= len(running):
+            self._turn = 0
         for axis in running[self._turn:self._turn + STATES_AT_ONCE]:
             self._queue.put((self._to.states[axis.name].publish,
                              convert.axis_state(self._stamp(), axis)))
         self._turn += STATES_AT_ONCE
-        if self._turn >= len(running):
-            self._turn = 0
         return STATE_PERIOD / math.ceil(len(running) / STATES_AT_ONCE)
 
     def _feedback(self) -> float:

@@ -226,6 +226,20 @@ def test_a_changed_timeout_does_not_make_a_doubted_clock_good():
     assert fed.say(0.004, x=0.0, y=0.0) == ('xy', '')  # back at nearly the age that it had
 
 
+def test_a_message_too_late_stops_its_axes_whatever_list_it_comes_in():
+    fed = Fed(x=0.1, y=0.1)
+    for _ in range(10):
+        fed.say(0.001, x=0.0, y=0.0)
+    stopped = []
+    for name, axis in fed.axes.items():
+        axis.stop = lambda error, _, name=name: stopped.append((name, str(error)))
+    fed.say(0.3, later=0.4, x=0.0)
+    assert stopped == [('x', 'FeedbackStale')]
+    fed.say(0.001, x=0.0, y=0.0)
+    fed.say(0.3, later=0.4, x=0.0, y=math.nan)
+    assert stopped[1:] == [('x', 'FeedbackStale'), ('y', 'FeedbackStale')]
+
+
 def test_lists_of_joints_without_end_are_not_kept():
     fed = Fed(x=0.1)
     for number in range(3 * MANY_FEEDS):

@@ -8,7 +8,9 @@ import pytest
 from core_rig import rig
 
 from homing_node.axis import Axis
+from homing_node.outcome import Outcome
 from homing_node.reports import STATES_AT_ONCE, Publishers, Reports
+from homing_node.states import Error
 
 
 class Watched:
@@ -70,3 +72,16 @@ def test_what_changes_is_told_at_once_and_once():
     assert [message.error for message in watched.of('states')] == ['NoError', 'ServoOff']
     assert [message.data for message in watched.of('servos')] == [True, False]
     assert [message.data for message in watched.of('torque_limits')] == [0.0, 0.0]
+
+
+def test_another_home_is_a_change():
+    """A run of CurrentPos begins and ends within one cycle."""
+    watched = Watched(1)
+    axis, = watched.axes.values()
+    axis.machine = None
+    for position in (1.0, 2.0):
+        axis.outcome = Outcome(Error.NoError, '', position, position)
+        axis.homed = True
+        watched.reports.note(axis)
+    watched.reports.run(lambda: True)
+    assert [message.home_offset for message in watched.of('states')] == [1.0, 2.0]
