@@ -50,9 +50,9 @@ OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in 
 
 #: How often the publishers of the inputs are counted, s.
 WATCH_PERIOD = 0.1
-#: A cycle begins earlier than its setpoints are due by the longest work of late, which is
-#: forgotten by this factor a cycle, but by no more than this part of the period.
-LEAD_DECAY, MOST_LEAD = 0.99, 0.8
+#: A cycle begins earlier than its setpoints are due, by a lead that settles where this share of
+#: them is late; it changes by no more than this part of the period a cycle, and stays below that.
+LATE_SHARE, LEAD_STEP, MOST_LEAD = 0.03, 3e-3, 0.8
 #: How long the last answers may take to leave after the axes have stopped, s.
 FAREWELL = 1.0
 
@@ -280,9 +280,9 @@ class HomingNode(ConfiguredNode):
             finished = idle and self._dispatch.closed
         if setpoints:
             if not self._timebase.simulated:
-                worked = time.monotonic() - now
-                self._lead = min(max(worked, LEAD_DECAY * self._lead), MOST_LEAD * self._period)
-                self._timebase.sleep_until(due, self.finished.is_set)
+                step = (time.monotonic() > due) - LATE_SHARE
+                lead = self._lead + step * LEAD_STEP * self._period
+                self._lead = min(max(0.0, lead), MOST_LEAD * self._period)
             self._publish(setpoints)
         if idle:
             self._commands.clear()
