@@ -139,7 +139,8 @@ class HomingNode(ConfiguredNode):
 
     def _create_services(self) -> None:
         group = ReentrantCallbackGroup()
-        services = Services(self._dispatch, self._reports, self._timebase, self._lock)
+        services = Services(
+            self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll)
 
         def serve(kind: Any, name: str, callback: Any) -> None:
             self.create_service(kind, name, callback, callback_group=group)

@@ -5,7 +5,7 @@ goes on answering. ``lock`` guards the axes.
 """
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from homing_interfaces.action import Home
@@ -22,13 +22,17 @@ from .timebase import TimeBase
 
 
 class Services:
-    """The servers; the node gives each of them its name."""
+    """The servers; the node gives each of them its name.
+
+    ``poll`` gives the axes what has arrived: what was told before a request counts before it.
+    """
 
     def __init__(
-        self, dispatch: Dispatch, reports: Reports, timebase: TimeBase, lock: threading.Lock
+        self, dispatch: Dispatch, reports: Reports, timebase: TimeBase, lock: threading.Lock,
+        poll: Callable[[], None],
     ) -> None:
         self._dispatch, self._reports = dispatch, reports
-        self._timebase, self._lock = timebase, lock
+        self._timebase, self._lock, self._poll = timebase, lock, poll
         self._goals: dict[bytes, Request] = {}
 
     def home(self, names: Sequence[str], owner: str) -> Any:
@@ -115,6 +119,7 @@ class Services:
         if canceled:
             return [Outcome(Error.Canceled, 'canceled before anything moved')]
         with self._lock:
+            self._poll()
             started = self._dispatch.home(names, owner, self._timebase.now)
             if isinstance(started, Outcome):
                 return [started]

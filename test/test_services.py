@@ -1,0 +1,31 @@
+"""What the servers do, without a graph."""
+
+import threading
+from types import SimpleNamespace
+
+from homing_node.outcome import Outcome
+from homing_node.services import Services
+from homing_node.states import Error
+
+
+def test_what_was_told_before_a_request_counts_before_it():
+    """A home switch that has just fallen must not be taken for on."""
+    lock, done = threading.Lock(), []
+
+    def poll():
+        assert lock.locked()
+        done.append('poll')
+
+    def home(*_):
+        assert lock.locked()
+        done.append('home')
+        return Outcome(Error.Busy, 'busy')
+
+    services = Services(
+        SimpleNamespace(home=home), None, SimpleNamespace(now=1.0), lock, poll)
+    serving = services.home(['x'], 'me')(None, SimpleNamespace())
+    try:
+        serving.send(None)
+    except StopIteration as ended:
+        assert ended.value.message == 'Busy: busy'
+    assert done == ['poll', 'home']
