@@ -43,16 +43,13 @@ from .reports import Publishers, Reports
 from .services import Services
 from .spec import InvalidParameters
 from .states import Error
-from .timebase import TimeBase, wake_precisely
+from .timebase import Lead, TimeBase, wake_precisely
 
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in POLICIES])
 
 #: How often the publishers of the inputs are counted, s.
 WATCH_PERIOD = 0.1
-#: A cycle begins earlier than its setpoints are due, by a lead that settles where this share of
-#: them is late; it changes by no more than this part of the period a cycle, and stays below that.
-LATE_SHARE, LEAD_STEP, MOST_LEAD = 0.03, 3e-3, 0.8
 #: How long the last answers may take to leave after the axes have stopped, s.
 FAREWELL = 1.0
 
@@ -92,7 +89,7 @@ class HomingNode(ConfiguredNode):
         self._writer = TrajectoryWriter(self._period)
         self._commands: dict[str, float] = {}  # of all axes while requests are active
         self._watched = 0.0
-        self._lead = 0.0  # s
+        self._lead = Lead(self._period)
         self._stop_requested = False
         self.finished = threading.Event()
         self.broken = False
@@ -246,7 +243,7 @@ class HomingNode(ConfiguredNode):
         due = clock.read()
         while not ended():
             due += self._period
-            begin = due - self._lead
+            begin = due - self._lead.time
             clock.sleep_until(begin, hopeless)
             if hopeless():
                 self._abandon()
@@ -258,7 +255,7 @@ class HomingNode(ConfiguredNode):
             elif late < -self._period:
                 self._set_back(-late)
             if abs(late) >= self._period:
-                due = clock.now + self._lead  # what was missed is not made up for
+                due = clock.now + self._lead.time  # what was missed is not made up for
             self._cycle(clock.now, due)
 
     def _cycle(self, now: float, due: float) -> None:
@@ -281,9 +278,7 @@ class HomingNode(ConfiguredNode):
             finished = idle and self._dispatch.closed
         if setpoints:
             if not self._timebase.simulated:
-                step = (time.monotonic() > due) - LATE_SHARE
-                lead = self._lead + step * LEAD_STEP * self._period
-                self._lead = min(max(0.0, lead), MOST_LEAD * self._period)
+                self._lead.learn(time.monotonic() > due)
             self._publish(setpoints)
         if idle:
             self._commands.clear()

@@ -14,6 +14,10 @@ LOOK = 0.0005
 #: A simulated clock that has not moved for this long of real time stands, s.
 STANDSTILL = 1.0
 
+#: A lead settles where this share of the setpoints is late. It changes by no more than LEAD_STEP
+#: of the period a cycle, and stays below MOST_LEAD of it.
+LATE_SHARE, LEAD_STEP, MOST_LEAD = 0.03, 3e-3, 0.8
+
 #: prctl(2): how much later than asked a sleep of this thread may end, ns; 50 µs by default.
 PR_SET_TIMERSLACK = 29
 
@@ -71,3 +75,19 @@ class TimeBase:
         before = self.now
         while before <= self.read() < due and not ended():
             time.sleep(LOOK)
+
+
+class Lead:
+    """How long before its setpoints are due a cycle begins, learned from which of them were late.
+
+    ``time`` in s.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.time = 0.0
+
+    def learn(self, late: bool) -> None:
+        """Take whether the setpoints of a cycle were late."""
+        time = self.time + (late - LATE_SHARE) * LEAD_STEP * self._period
+        self.time = min(max(0.0, time), MOST_LEAD * self._period)

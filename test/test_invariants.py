@@ -52,11 +52,13 @@ class Scenario:
     @property
     def may_be_told_late(self):
         """Whether the limit may come before a latch that lies ahead of it has come and counts."""
-        limit, t = self.one.layout.switches.get(LIMIT_AHEAD), self.one.transport
-        if limit is None or not any(kind in self.one.home_type for kind in ('Pulse', 'Probe')):
+        limit, p = self.one.layout.switches.get(LIMIT_AHEAD), self.parameters
+        searches = [p.pace(row.motion.pace) for row in p.procedure.rows.values() if row.latches]
+        if limit is None or not searches:
             return False
+        velocity, t = max(search[0] for search in searches), self.one.transport
         told = t.latch_delay + t.jitter + 2.0 / t.update_rate + 3.0 / t.feedback_rate
-        return max(true_homes(self)) + told * self.parameters.homing_velocity_fast > limit.on_from
+        return max(true_homes(self)) + told * velocity > limit.on_from
 
     @property
     def latency(self):
