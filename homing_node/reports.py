@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from operator import itemgetter
-from queue import Empty, SimpleQueue
+from queue import Empty, Queue
 from typing import Any, NamedTuple
 
 from std_msgs.msg import Bool, Float64
@@ -54,7 +54,8 @@ class Reports:
         self._axes, self._joints = axes, joints
         self._to = publishers
         self._stamp, self._lock, self._node_name = stamp, lock, node_name
-        self._queue: SimpleQueue[tuple[Publish, Any]] = SimpleQueue()
+        # No SimpleQueue: until Python 3.13 a short wait for nothing may never end there.
+        self._queue: Queue[tuple[Publish, Any]] = Queue()
         self._shown: dict[str, tuple[object, ...]] = {}
         self._seen_states: dict[str, tuple[object, ...]] = {}
         self._seen_outputs: dict[str, tuple[bool, float]] = {}

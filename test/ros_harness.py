@@ -141,7 +141,7 @@ class Process:
             try:
                 self.process.wait(5.0)
             except subprocess.TimeoutExpired:
-                self.process.kill()
+                self.signal(signal.SIGABRT)  # its log tells where every thread is
                 self.process.wait()
                 return None
         return self.process.returncode

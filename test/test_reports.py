@@ -1,5 +1,8 @@
 """What is published by time: by turns, each axis as often as the others."""
 
+import itertools
+import math
+import random
 import threading
 from collections import Counter
 from types import SimpleNamespace
@@ -7,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 from core_rig import rig
 
+from homing_node import reports
 from homing_node.axis import Axis
 from homing_node.outcome import Outcome
 from homing_node.reports import STATES_AT_ONCE, Publishers, Reports
@@ -85,3 +89,19 @@ def test_another_home_is_a_change():
         watched.reports.note(axis)
     watched.reports.run(lambda: True)
     assert [message.home_offset for message in watched.of('states')] == [1.0, 2.0]
+
+
+def test_what_comes_by_time_always_comes(monkeypatch):
+    """However short the wait is: that of queue.SimpleQueue may never end (Python up to 3.12)."""
+    clock, jitter = itertools.count(), random.Random(0)
+    monkeypatch.setattr(reports, 'time', SimpleNamespace(
+        monotonic=lambda: 4e-7 * next(clock) + jitter.uniform(0.0, 3e-6)))
+    monkeypatch.setattr(reports, 'STATE_PERIOD', math.inf)
+    monkeypatch.setattr(reports, 'DIAGNOSTICS_PERIOD', 1.1e-6)
+    monkeypatch.setattr(reports.convert, 'diagnostics', lambda *_: None)
+    watched = Watched(0)
+    told = threading.Thread(
+        target=watched.reports.run, args=[lambda: len(watched.published) >= 30000], daemon=True)
+    told.start()
+    told.join(20.0)
+    assert not told.is_alive()
