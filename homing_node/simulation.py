@@ -124,8 +124,8 @@ class _Index:
 class SimulatedAxis:
     """One axis: a drive that follows setpoints, and what its inputs see of it.
 
-    `time` (s), `position` (the feedback, which is also the true position) and `command` (what the
-    drive follows at this time), the latter two in m or rad, are for reading.
+    `time` (s), `position` (the feedback, which is also the true position), `command` (what the
+    drive follows at this time) and `told` (the last setpoint), those in m or rad, are for reading.
     """
 
     __slots__ = (
@@ -146,9 +146,11 @@ class SimulatedAxis:
         '_silence',
         '_switches',
         '_timeout',
+        '_velocity',
         'command',
         'position',
         'time',
+        'told',
     )
 
     def __init__(self, layout: AxisLayout, position: float | None = None) -> None:
@@ -166,6 +168,8 @@ class SimulatedAxis:
         self.command = self._goal = self.position
         self._remaining = 0.0  # s until the command is at the goal, coming at this rate
         self._rate = 0.0
+        self.told = self.position
+        self._velocity = 0.0  # at the goal: what the drive goes on with when no setpoint comes
         self._lag = layout.lag
         self._timeout, self._own_stop = layout.command_timeout, layout.stop_dec
         self._silence = 0.0  # s since a setpoint ended, while the drive goes on without the next
@@ -184,14 +188,19 @@ class SimulatedAxis:
         self._probe = layout.touch_probe
         self._find_quiet()
 
-    def follow(self, position: float, over: float = 0.0) -> None:
+    def follow(self, position: float, over: float = 0.0, velocity: float | None = None) -> None:
         """Take the newest setpoint, in m or rad; a drive whose servo is off ignores it.
 
         The command goes linearly from where it is to `position` over `over` s; 0 = at once.
+        `velocity`, per s, is the axis's at `position`; None: what leads there from the setpoint
+        before. It is not how fast the command comes, which makes up for a setpoint that is late.
         """
         if not self._servo or self.timed_out:
             return
-        self._goal = position
+        if velocity is None:
+            velocity = (position - self.told) / over if over > 0.0 else 0.0
+        self._goal = self.told = position
+        self._velocity = velocity
         self._silence = 0.0
         if over > 0.0:
             self._remaining = over
@@ -205,8 +214,8 @@ class SimulatedAxis:
         self._servo = on
         self._silence = 0.0
         if not on:
-            self.command = self._goal = self.position
-            self._remaining = self._rate = 0.0
+            self.command = self._goal = self.told = self.position
+            self._remaining = self._rate = self._velocity = 0.0
 
     @property
     def timed_out(self) -> bool:
@@ -234,7 +243,7 @@ class SimulatedAxis:
         start = self.time
         before = self.position
         self.time = start + dt
-        if self._timeout and self._rate and self._remaining <= 0.0:
+        if self._timeout and self._velocity and self._remaining <= 0.0:
             self._go_on(dt)
         if self._remaining > 0.0:
             after = self._along_ramp(dt)
@@ -254,10 +263,11 @@ class SimulatedAxis:
     def _go_on(self, dt: float) -> None:
         """Make the drive's own setpoint for a step, because none has come."""
         self._silence += dt
-        before = self._rate
+        before = self._velocity
         if self.timed_out:
-            self._rate = copysign(max(0.0, abs(before) - self._own_stop * dt), before)
-        self._goal += 0.5 * (before + self._rate) * dt
+            self._velocity = copysign(max(0.0, abs(before) - self._own_stop * dt), before)
+        self._rate = 0.5 * (before + self._velocity)
+        self._goal += self._rate * dt
         self._remaining = dt
 
     def _settled(self, dt: float) -> float:

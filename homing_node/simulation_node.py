@@ -162,11 +162,13 @@ class Output:
     level: Bool | None = None  # the last published one; a latch has none
     readers: int = 0
 
-    def tell(self, level: bool) -> None:
-        """Publish a level if it has changed."""
-        if self.level.data != level:
+    def tell(self, level: bool) -> bool:
+        """Publish a level if it has changed; return whether it has."""
+        changed: bool = self.level.data != level
+        if changed:
             self.level = Bool(data=level)
             self.publisher.publish(self.level)
+        return changed
 
     def greet(self) -> None:
         """Tell the level to readers that came since the last call and do not ask for history."""
@@ -321,7 +323,11 @@ class SimulatedAxes:
                 output = self._outputs[name, happening.input]
                 changes.append(Change(happening.time, output, message, happening))
             self._front = axis.time
-            self._outputs[name, SERVO].tell(axis.enabled)
+            if self._outputs[name, SERVO].tell(axis.enabled) and axis.timed_out:
+                self._logger.warning(
+                    f'{name}: no setpoint came after that of {axis.told:.6f}: '
+                    'the drive stops by itself, until its servo is switched off and on'
+                )
         if changes:
             self._changes.extend(sorted(changes, key=attrgetter('time')))
         while (sampled := self._count / self._feedback_rate) <= self._front:
@@ -342,22 +348,31 @@ class SimulatedAxes:
             return
         point = message.points[-1]
         over = point.time_from_start.sec + point.time_from_start.nanosec * 1e-9
-        self._follow(message.joint_names, point.positions, over)
+        self._follow(message.joint_names, point.positions, over, point.velocities)
 
     def _take_positions(self, message: Float64MultiArray) -> None:
-        self._follow(list(self._by_joint), message.data, self._setpoint_period)
+        self._follow(list(self._by_joint), message.data, self._setpoint_period, ())
 
-    def _follow(self, joints: Sequence[str], positions: Sequence[float], over: float) -> None:
+    def _follow(
+        self,
+        joints: Sequence[str],
+        positions: Sequence[float],
+        over: float,
+        velocities: Sequence[float],
+    ) -> None:
+        """Let the drives follow; without velocities they find them themselves."""
         unknown = [joint for joint in joints if joint not in self._by_joint]
-        if unknown or len(joints) != len(positions) or not all(map(isfinite, positions)):
+        odd = len(joints) != len(positions) or len(velocities) not in (0, len(joints))
+        if unknown or odd or not all(map(isfinite, [*positions, *velocities])):
             self._logger.warning(
-                f'setpoint ignored: joints {list(joints)}, positions {list(positions)}; '
-                f'the joints here are {list(self._by_joint)}',
+                f'setpoint ignored: joints {list(joints)}, positions {list(positions)}, '
+                f'velocities {list(velocities)}; the joints here are {list(self._by_joint)}',
                 throttle_duration_sec=1.0,
             )
             return
-        for joint, position in zip(joints, positions, strict=True):
-            self._by_joint[joint].follow(position, over)
+        told = velocities or [None] * len(joints)
+        for joint, position, velocity in zip(joints, positions, told, strict=True):
+            self._by_joint[joint].follow(position, over, velocity)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -164,8 +164,8 @@ def home(axis):
             if setpoints or not answer.message.startswith(UNREADY):
                 break
             future = None
-    rest = time.monotonic() + 0.2
-    while time.monotonic() < rest:
+    until = time.monotonic() + 10.0
+    while time.monotonic() < until and setpoints and setpoints[-1][1]:
         rclpy.spin_once(node, timeout_sec=0.01)
     print(json.dumps({'message': answer.message, 'setpoints': setpoints, 'feedback': feedback}),
           flush=True)

@@ -185,6 +185,50 @@ def test_hard_stops_hold_the_axis_while_the_command_goes_on():
         SimulatedAxis(AxisLayout((-1.0, 1.0), {}), position=1.5)
 
 
+def steps(simulated, count):
+    for _ in range(count):
+        simulated.step(0.001)
+
+
+def moving(velocity):
+    """Return an axis that was told to go 5 mm at 50 mm/s, a setpoint every 4 ms."""
+    simulated = axis(command_timeout=0.1, stop_dec=1.0)
+    for cycle in range(1, 26):
+        simulated.follow(0.0002 * cycle, 0.004, velocity)
+        steps(simulated, 4)
+    return simulated
+
+
+@pytest.mark.parametrize('velocity', [None, 0.05], ids=['positions', 'velocities'])
+def test_a_drive_without_setpoints_keeps_its_velocity_then_stops(velocity):
+    simulated = moving(velocity)
+    steps(simulated, 99)
+    assert simulated.position == pytest.approx(0.005 + 0.05 * 0.099)
+    assert simulated.enabled
+    steps(simulated, 60)
+    assert simulated.timed_out
+    assert not simulated.enabled
+    rest = simulated.position
+    assert rest == pytest.approx(0.005 + 0.05 * 0.1 + 0.05**2 / 2.0, abs=0.0001)
+    simulated.follow(1.0, 0.004, 0.05)
+    simulated.step(1.0)
+    assert simulated.position == rest
+    simulated.servo(True)  # off and on again, of which it heard the latter
+    simulated.follow(rest + 0.001, 0.004, 0.0)
+    simulated.step(1.0)
+    assert simulated.position == rest + 0.001
+
+
+def test_a_drive_does_not_keep_the_speed_with_which_it_came_to_a_late_setpoint():
+    simulated = moving(0.05)
+    steps(simulated, 50)
+    simulated.follow(0.0052, 0.004, 0.05)  # where it was long ago: it goes back there
+    steps(simulated, 4)
+    assert simulated.position == pytest.approx(0.0052)
+    steps(simulated, 50)
+    assert simulated.position == pytest.approx(0.0052 + 0.05 * 0.050)
+
+
 def test_servo_off_holds_the_axis_and_forgets_the_command():
     simulated = axis(lag=0.005)
     simulated.follow(1.0, 0.1)
