@@ -48,6 +48,8 @@ from .timebase import Lead, TimeBase, wake_precisely
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in POLICIES])
 
+#: Simulated time is 0 until /clock is heard, s.
+FIRST_INSTANT = 1e-9
 #: How often the publishers of the inputs are counted, s.
 WATCH_PERIOD = 0.1
 #: How long the last answers may take to leave after the axes have stopped, s.
@@ -165,6 +167,8 @@ class HomingNode(ConfiguredNode):
         """Return why an axis cannot home for a reason that only the node knows."""
         if name in self.faults:
             return Outcome(Error.InvalidParameter, '; '.join(self.faults[name]))
+        if self._timebase.now < FIRST_INSTANT:
+            return Outcome(Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard yet')
         if not self._by_trajectory:  # every axis is told a position, also one that only rests
             for axis in self._axes.values():
                 if not axis.known:
@@ -240,6 +244,7 @@ class HomingNode(ConfiguredNode):
         def hopeless() -> bool:
             return ended() or (self._stop_requested and clock.stands)
 
+        clock.sleep_until(FIRST_INSTANT, hopeless)
         due = clock.read()
         while not ended():
             due += self._period

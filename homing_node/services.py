@@ -119,8 +119,9 @@ class Services:
         if canceled:
             return [Outcome(Error.Canceled, 'canceled before anything moved')]
         with self._lock:
+            now = self._timebase.read()
             self._poll()
-            started = self._dispatch.home(names, owner, self._timebase.now)
+            started = self._dispatch.home(names, owner, now)
             if isinstance(started, Outcome):
                 return [started]
             answer = self._dispatch.answer(started)

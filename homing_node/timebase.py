@@ -28,17 +28,20 @@ def wake_precisely() -> None:
 
 
 class TimeBase:
-    """``now`` is the time of the last reading, s.
+    """``now`` is the time of the last reading, s; 0 while simulated time has not begun.
 
     ``ros_time`` returns the simulated time in ns, or is None where time is not simulated.
     """
 
     def __init__(self, ros_time: Callable[[], int] | None = None) -> None:
         self._ros_time = ros_time
-        self._wall_ns = 0
         self._moved = time.monotonic()
-        self.now = 0.0
+        self._reading = 0.0, 0  # the time of the core in s, and the stamp at that time in ns
         self.read()
+
+    @property
+    def now(self) -> float:
+        return self._reading[0]
 
     @property
     def simulated(self) -> bool:
@@ -50,19 +53,21 @@ class TimeBase:
         return self.simulated and time.monotonic() - self._moved > STANDSTILL
 
     def read(self) -> float:
-        """Read the clock."""
-        if self._ros_time is not None:
-            before, self._wall_ns = self._wall_ns, self._ros_time()
-            if self._wall_ns != before:
-                self._moved = time.monotonic()
-            self.now = self._wall_ns * 1e-9
+        """Read the clock; any thread may."""
+        if self._ros_time is None:
+            reading = time.monotonic(), time.time_ns()
         else:
-            self._wall_ns, self.now = time.time_ns(), time.monotonic()
-        return self.now
+            wall = self._ros_time()
+            reading = wall * 1e-9, wall
+            if reading != self._reading:
+                self._moved = time.monotonic()
+        self._reading = reading
+        return reading[0]
 
     def time_of(self, nanoseconds: int) -> float:
         """Return a stamp in the time of the core, by the last reading."""
-        return self.now + (nanoseconds - self._wall_ns) * 1e-9
+        now, wall = self._reading
+        return now + (nanoseconds - wall) * 1e-9
 
     def sleep_until(self, due: float, ended: Callable[[], bool]) -> None:
         """Wait for a time of the core.

@@ -12,10 +12,16 @@ def simulated(tmp_path_factory):
     with ros.World(tmp_path_factory.mktemp('simulated'), ros.node_parameters(
             {'x': {'home_type': 'HS', 'travel': 1.0}}, use_sim_time=True)) as world:
         world.hand = ros.HandPlant(world.client, x=0.0)
+        world.without_time = world.client.trigger('x/home').message
         world.hand.sim_time = 100_000_000_000
         world.hand.set_levels('x')
         yield world
         world.hand.close()
+
+
+def test_without_a_time_nothing_begins(simulated):
+    assert simulated.without_time == (
+        'FeedbackStale: use_sim_time is true, but /clock was not heard yet')
 
 
 def test_simulated_time(simulated):

@@ -1,10 +1,11 @@
-"""How long before its setpoints are due a cycle begins."""
+"""What time it is, and how long before its setpoints are due a cycle begins."""
 
 import random
+import time
 
 import pytest
 
-from homing_node.timebase import LATE_SHARE, MOST_LEAD, Lead
+from homing_node.timebase import LATE_SHARE, MOST_LEAD, Lead, TimeBase
 
 PERIOD = 0.004
 
@@ -43,3 +44,21 @@ def test_the_bounds_of_a_lead():
     assert lead.time == MOST_LEAD * PERIOD
     late(lead, lambda: -1.0, 20_000)
     assert lead.time == 0.0
+
+
+def test_simulated_time_is_that_of_the_last_reading():
+    times = iter([0, 100_000_000_000, 100_250_000_000])
+    clock = TimeBase(lambda: next(times))
+    assert clock.now == 0.0
+    assert clock.read() == clock.now == 100.0
+    assert clock.time_of(99_500_000_000) == 99.5
+    assert clock.read() == 100.25
+    assert clock.time_of(99_500_000_000) == 99.5
+    assert not clock.stands
+
+
+def test_stamps_fit_the_core_whatever_the_clocks_are():
+    clock = TimeBase()
+    now = clock.read()
+    system = time.time_ns()
+    assert now <= clock.time_of(system) <= time.monotonic()
