@@ -171,7 +171,10 @@ GROUP = {'p': {'travel': 1.0}, 'q': {'max_search_distance': 0.01}, 'r': {'travel
 @pytest.fixture(scope='module')
 def machine(tmp_path_factory):
     switches = ['home_switch', 'positive_limit_switch', 'negative_limit_switch', 'z_pulse']
-    axes = {state: {'home_type': home_type, 'home_shift_distance': -0.02, 'switches': switches}
+    # No state is over before a busy machine has told of it and the cancel has come.
+    lasting = {'homing_velocity_fast': 0.025, 'homing_reverse_distance': 0.008,
+               'home_shift_distance': -0.02, 'switches': switches}
+    axes = {state: {'home_type': home_type, **lasting}
             for state, home_type in CANCELED_IN.items()}
     plant = {**{state: {'start': 0.07} for state in axes}, 'p': LONG, 'q': {}, 'r': LONG, 's': {}}
     sequence = [', '.join(axes), 'p, q, r', 's']
