@@ -156,7 +156,8 @@ def test_setpoints_are_one_point_of_the_joints_that_home(run):
 def test_a_setpoint_every_cycle(run):
     times = [s.sent * 1e-9 for s in ros.course_of(run.setpoints[:run.total], 'up_between')]
     steps = sorted(b - a for a, b in pairwise(times))
-    assert steps[len(steps) // 2] == pytest.approx(0.004, rel=0.1)
+    # A busy machine misses a cycle now and then; twice as many setpoints, or half, would show.
+    assert steps[len(steps) // 2] == pytest.approx(0.004, rel=0.3)
 
 
 @ONE_TYPE
