@@ -168,7 +168,8 @@ class HomingNode(ConfiguredNode):
         if name in self.faults:
             return Outcome(Error.InvalidParameter, '; '.join(self.faults[name]))
         if self._timebase.now < FIRST_INSTANT:
-            return Outcome(Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard yet')
+            return Outcome(
+                Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard yet')
         if not self._by_trajectory:  # every axis is told a position, also one that only rests
             for axis in self._axes.values():
                 if not axis.known:
