@@ -1,11 +1,8 @@
-"""Which stamps are believed, and how they relate to the node's clock."""
-
-import time
+"""Which stamps are believed."""
 
 import pytest
 
 from homing_node.stamps import AGREEMENT, BEHIND, FALLBACK_DOUBT, RETURNED, Stamps
-from homing_node.timebase import STANDSTILL, TimeBase
 
 LIMIT = 0.2
 
@@ -93,75 +90,3 @@ def test_one_quick_message_shows_that_the_others_were_slow():
 def test_a_sample_may_be_older_than_its_message():
     """A driver that samples and sends later says so with its stamps."""
     assert Stamps(LIMIT).believe(1.0, 1.101, sent=1.1) == (1.0, 0.0)
-
-
-# ----------------------------------------------------------------------------------- timebase
-
-def test_system_stamps_in_monotonic_time():
-    clock = TimeBase()
-    assert not clock.simulated
-    assert not clock.stands
-    now = clock.read()
-    assert now == clock.now == pytest.approx(time.monotonic(), abs=0.1)
-    assert clock.time_of(time.time_ns()) == pytest.approx(time.monotonic(), abs=0.1)
-    assert clock.time_of(clock._wall_ns - 5_000_000) == pytest.approx(now - 0.005, abs=1e-9)
-
-
-def test_a_step_of_the_system_clock_does_no_harm(monkeypatch):
-    clock = TimeBase()
-    shift = 3_600_000_000_000
-    system = time.time_ns
-    monkeypatch.setattr(time, 'time_ns', lambda: system() + shift)
-    before = clock.now
-    assert 0.0 <= clock.read() - before < 1.0
-    assert clock.time_of(time.time_ns()) == pytest.approx(clock.now, abs=0.1)
-
-
-def test_simulated_time():
-    ros_time = [5_000_000_000]
-    clock = TimeBase(lambda: ros_time[0])
-    assert clock.simulated
-    assert clock.now == 5.0
-    ros_time[0] = 6_000_000_000
-    assert clock.now == 5.0
-    assert clock.read() == clock.now == 6.0
-    assert clock.time_of(5_500_000_000) == 5.5
-
-
-def test_sleep_until():
-    clock = TimeBase()
-    due = time.monotonic() + 0.02
-    clock.sleep_until(due, lambda: False)
-    assert 0.0 <= time.monotonic() - due < 0.5
-    clock.sleep_until(due - 10.0, lambda: False)
-
-
-def test_sleep_in_simulated_time():
-    ros_time = [0]
-
-    def advance():
-        ros_time[0] += 1_000_000
-        return ros_time[0]
-
-    clock = TimeBase(advance)
-    clock.sleep_until(0.01, lambda: False)
-    assert 0.01 <= clock.now < 0.012
-    stopped = TimeBase(lambda: 0)
-    asked = []
-    stopped.sleep_until(1.0, lambda: len(asked) == 3 or asked.append(0))
-    assert stopped.now == 0.0
-
-
-def test_simulated_time_stands(monkeypatch):
-    real, simulated = [100.0], [0]
-    monkeypatch.setattr(time, 'monotonic', lambda: real[0])
-    clock = TimeBase(lambda: simulated[0])
-    real[0] += 0.9 * STANDSTILL
-    clock.read()
-    assert not clock.stands
-    real[0] += 0.2 * STANDSTILL
-    clock.read()
-    assert clock.stands
-    simulated[0] += 1
-    clock.read()
-    assert not clock.stands

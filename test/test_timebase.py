@@ -5,10 +5,83 @@ import time
 
 import pytest
 
-from homing_node.timebase import LATE_SHARE, MOST_LEAD, Lead, TimeBase
+from homing_node.timebase import LATE_SHARE, MOST_LEAD, STANDSTILL, Lead, TimeBase
 
 PERIOD = 0.004
 
+
+def test_system_stamps_in_monotonic_time():
+    clock = TimeBase()
+    assert not clock.simulated
+    assert not clock.stands
+    now = clock.read()
+    assert now == clock.now == pytest.approx(time.monotonic(), abs=0.1)
+    assert clock.time_of(time.time_ns()) == pytest.approx(time.monotonic(), abs=0.1)
+    system = time.time_ns()
+    assert clock.time_of(system) - clock.time_of(system - 5_000_000) == pytest.approx(0.005)
+
+
+def test_a_step_of_the_system_clock_does_no_harm(monkeypatch):
+    clock = TimeBase()
+    shift = 3_600_000_000_000
+    system = time.time_ns
+    monkeypatch.setattr(time, 'time_ns', lambda: system() + shift)
+    before = clock.now
+    assert 0.0 <= clock.read() - before < 1.0
+    assert clock.time_of(time.time_ns()) == pytest.approx(clock.now, abs=0.1)
+
+
+def test_simulated_time():
+    ros_time = [5_000_000_000]
+    clock = TimeBase(lambda: ros_time[0])
+    assert clock.simulated
+    assert clock.now == 5.0
+    ros_time[0] = 6_000_000_000
+    assert clock.now == 5.0
+    assert clock.read() == clock.now == 6.0
+    assert clock.time_of(5_500_000_000) == 5.5
+
+
+def test_sleep_until():
+    clock = TimeBase()
+    due = time.monotonic() + 0.02
+    clock.sleep_until(due, lambda: False)
+    assert 0.0 <= time.monotonic() - due < 0.5
+    clock.sleep_until(due - 10.0, lambda: False)
+
+
+def test_sleep_in_simulated_time():
+    ros_time = [0]
+
+    def advance():
+        ros_time[0] += 1_000_000
+        return ros_time[0]
+
+    clock = TimeBase(advance)
+    clock.sleep_until(0.01, lambda: False)
+    assert 0.01 <= clock.now < 0.012
+    stopped = TimeBase(lambda: 0)
+    asked = []
+    stopped.sleep_until(1.0, lambda: len(asked) == 3 or asked.append(0))
+    assert stopped.now == 0.0
+
+
+def test_simulated_time_stands(monkeypatch):
+    real, simulated = [100.0], [0]
+    monkeypatch.setattr(time, 'monotonic', lambda: real[0])
+    clock = TimeBase(lambda: simulated[0])
+    real[0] += 0.9 * STANDSTILL
+    clock.read()
+    assert not clock.stands
+    real[0] += 0.2 * STANDSTILL
+    clock.read()
+    assert clock.stands
+    simulated[0] += 1
+    clock.read()
+    assert not clock.stands
+
+
+# ---------------------------------------------------------------------------------------- lead
 
 def late(lead, work, cycles):
     """Run some cycles whose work takes ``work()`` s; return the share of those that were late."""
@@ -44,21 +117,3 @@ def test_the_bounds_of_a_lead():
     assert lead.time == MOST_LEAD * PERIOD
     late(lead, lambda: -1.0, 20_000)
     assert lead.time == 0.0
-
-
-def test_simulated_time_is_that_of_the_last_reading():
-    times = iter([0, 100_000_000_000, 100_250_000_000])
-    clock = TimeBase(lambda: next(times))
-    assert clock.now == 0.0
-    assert clock.read() == clock.now == 100.0
-    assert clock.time_of(99_500_000_000) == 99.5
-    assert clock.read() == 100.25
-    assert clock.time_of(99_500_000_000) == 99.5
-    assert not clock.stands
-
-
-def test_stamps_fit_the_core_whatever_the_clocks_are():
-    clock = TimeBase()
-    now = clock.read()
-    system = time.time_ns()
-    assert now <= clock.time_of(system) <= time.monotonic()
