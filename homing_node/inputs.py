@@ -79,7 +79,8 @@ class Feed:
 class Inputs:
     """All inputs of all axes.
 
-    ``feedback_qos`` is the QoS of `joint_states`; ``destroy`` undoes ``subscribe``.
+    ``feedback_qos`` is the QoS of `joint_states`; ``destroy`` undoes ``subscribe``; ``hold_up``
+    tells of a cycle that is so late that the run ends for it, and returns '' for any other.
     """
 
     def __init__(
@@ -90,10 +91,12 @@ class Inputs:
         subscribe: Subscribe,
         destroy: Callable[[Any], object],
         feedback_qos: Any,
+        hold_up: Callable[[float], str],
     ) -> None:
         self._axes = axes
         self._clock = clock
         self._subscribe, self._destroy = subscribe, destroy
+        self._hold_up = hold_up
         self._by_joint = {joint: axes[axis] for axis, joint in joints.items()}
         self._feeds: dict[tuple[str, ...], Feed] = {}  # by the names of a message
         self._feedback_stamps: dict[str, Stamps] = {}  # of each axis, as last believed
@@ -196,7 +199,7 @@ class Inputs:
             if found is not None:
                 time, doubt = found
                 if wire.stamps.late:
-                    axis.stop(Error.SwitchStale, too_late(wire.name, wire.stamps))
+                    self._stop(axis, Error.SwitchStale, too_late(wire.name, wire.stamps))
                 if doubt:
                     axis.warn(f'{wire.name}: {wire.stamps.warning}')
                 elif clock.simulated:
@@ -227,11 +230,16 @@ class Inputs:
             time, doubt = found
             for place, axis in places:
                 if stamps.late:
-                    axis.stop(Error.FeedbackStale, too_late('joint_states', stamps))
+                    self._stop(axis, Error.FeedbackStale, too_late('joint_states', stamps))
                 if place < len(positions) and isfinite(positions[place]):
                     axis.feedback(time, positions[place], arrival, doubt)
                     if doubt:
                         axis.warn(f'joint_states: {stamps.warning}')
+
+    def _stop(self, axis: Axis, error: Error, text: str) -> None:
+        """End a run for a message that was too late, or for what made it late: our own hold-up."""
+        hold_up = self._hold_up(self._clock.elapsed)
+        axis.stop(Error.CycleLate if hold_up else error, hold_up or text)
 
     def _feed(self, names: tuple[str, ...]) -> Feed:
         """Meet a list of joints for the first time."""

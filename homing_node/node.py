@@ -107,7 +107,7 @@ class HomingNode(ConfiguredNode):
                 qos_overriding_options=OVERRIDABLE)
 
         self._inputs = Inputs(self._axes, self._joints, self._timebase, subscribe,
-                              self.destroy_subscription, BEST_EFFORT)
+                              self.destroy_subscription, BEST_EFFORT, self._hold_up)
         for name in self._axes:
             self._inputs.wire(name, self.topics_of(name))
         self._dispatch = Dispatch(self._axes, checked.home_sequence, self._unready)
@@ -255,14 +255,20 @@ class HomingNode(ConfiguredNode):
                 self._abandon()
                 return
             late = clock.read() - begin
-            if late > self._cycle_timeout:
-                self._stop_all(Error.CycleLate, f'a control cycle was {late:.3f} s late, more '
-                                                f'than {self._cycle_timeout:g} s (cycle_timeout)')
+            hold_up = self._hold_up(late)
+            if hold_up:
+                self._stop_all(Error.CycleLate, hold_up)
             elif late < -self._period:
                 self._set_back(-late)
             if abs(late) >= self._period:
                 due = clock.now + self._lead.time  # what was missed is not made up for
             self._cycle(clock.now, due)
+
+    def _hold_up(self, late: float) -> str:
+        """Tell of a cycle that was late, s; '' where that is within the bound."""
+        limit = self._cycle_timeout
+        return '' if late <= limit else (
+            f'a control cycle was {late:.3f} s late, more than {limit:g} s (cycle_timeout)')
 
     def _cycle(self, now: float, due: float) -> None:
         """Poll the inputs, update the axes, publish the setpoints, answer what ended."""

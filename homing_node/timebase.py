@@ -52,6 +52,12 @@ class TimeBase:
         """Whether simulated time has stood still for a while."""
         return self.simulated and time.monotonic() - self._moved > STANDSTILL
 
+    @property
+    def elapsed(self) -> float:
+        """How long ago the last reading was, s."""
+        present = time.monotonic() if self._ros_time is None else self._ros_time() * 1e-9
+        return present - self.now
+
     def read(self) -> float:
         """Read the clock; any thread may."""
         if self._ros_time is None:

@@ -4,6 +4,7 @@ import itertools
 import math
 from types import SimpleNamespace
 
+import pytest
 from builtin_interfaces.msg import Time
 from core_rig import rig
 from hypothesis import given, settings
@@ -14,7 +15,7 @@ from std_msgs.msg import Bool, Float64
 
 from homing_node.axis import Axis
 from homing_node.inputs import MANY_FEEDS, Inputs
-from homing_node.states import Input
+from homing_node.states import Error, Input
 
 
 class Subscription:
@@ -43,9 +44,10 @@ class Cell:
     def __init__(self, home_type):
         self.axis = Axis('x', rig(home_type).parameters(), self.PERIOD)
         self.topics = {}
-        self.clock = SimpleNamespace(now=1000.0, simulated=False, time_of=self._time_of)
+        self.clock = SimpleNamespace(
+            now=1000.0, elapsed=0.0, simulated=False, time_of=self._time_of)
         self.inputs = Inputs({'x': self.axis}, {'x': 'x'}, self.clock, self._subscribe,
-                             lambda _: None, 10)
+                             lambda _: None, 10, self._hold_up)
         self.inputs.wire('x', {})
         self.last = None
         for source in self.axis.parameters.inputs:
@@ -59,6 +61,10 @@ class Cell:
         name = topic.rpartition('/')[2]
         self.topics[name] = Subscription(kind, topic)
         return self.topics[name]
+
+    @staticmethod
+    def _hold_up(late):
+        return f'held up for {late:g} s' if late > 0.2 else ''
 
     def _time_of(self, nanoseconds):
         return self.clock.now + (nanoseconds - round(self.clock.now * 1e9)) * 1e-9
@@ -95,6 +101,24 @@ def test_an_edge_in_simulated_time_is_no_better_than_its_cycle():
     (source, at, level, arrival, doubt), = taken
     assert (source, at, level, arrival) == (Input.HOME_SWITCH, cell.clock.now, True, at)
     assert doubt == 2 * cell.PERIOD
+
+
+@pytest.mark.parametrize('elapsed, error, text', [
+    (0.1, None, 'came 1.000 s late, more than 0.2 s (feedback_timeout)'),
+    (1.0, Error.CycleLate, 'held up for 1 s')], ids=['late', 'held up'])
+@pytest.mark.parametrize('topic, message, stale', [
+    ('joint_states', JointState(name=['x'], position=[0.05]), Error.FeedbackStale),
+    ('home_switch', Bool(), Error.SwitchStale)], ids=['feedback', 'switch'])
+def test_a_message_is_not_to_blame_for_our_own_hold_up(
+        topic, message, stale, elapsed, error, text):
+    cell = Cell('HS')
+    cell.clock.now += 1.1
+    cell.clock.elapsed = elapsed  # since the cycle began
+    cell.say(topic, message, stamp=-1.0)
+    while cell.axis.running:
+        cell.cycle()
+    assert cell.axis.outcome.error is (error or stale)
+    assert text in cell.axis.outcome.message
 
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -161,10 +185,10 @@ class Fed:
     def __init__(self, **timeouts):
         self.axes = {name: Axis(name, rig('HS', feedback_timeout=timeout).parameters(), 0.004)
                      for name, timeout in timeouts.items()}
-        self.clock = SimpleNamespace(now=1000.0, simulated=False,
+        self.clock = SimpleNamespace(now=1000.0, elapsed=0.0, simulated=False,
                                      time_of=lambda ns: ns * 1e-9)
         self.inputs = Inputs(self.axes, {name: name for name in self.axes}, self.clock,
-                             self._subscribe, lambda _: None, 10)
+                             self._subscribe, lambda _: None, 10, lambda _: '')
         for name in self.axes:
             self.inputs.wire(name, {})
 

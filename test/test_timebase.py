@@ -16,6 +16,7 @@ def test_system_stamps_in_monotonic_time():
     assert not clock.stands
     now = clock.read()
     assert now == clock.now == pytest.approx(time.monotonic(), abs=0.1)
+    assert 0.0 <= clock.elapsed < 0.5
     assert clock.time_of(time.time_ns()) == pytest.approx(time.monotonic(), abs=0.1)
     system = time.time_ns()
     assert clock.time_of(system) - clock.time_of(system - 5_000_000) == pytest.approx(0.005)
@@ -38,6 +39,7 @@ def test_simulated_time():
     assert clock.now == 5.0
     ros_time[0] = 6_000_000_000
     assert clock.now == 5.0
+    assert clock.elapsed == 1.0
     assert clock.read() == clock.now == 6.0
     assert clock.time_of(5_500_000_000) == 5.5
 
