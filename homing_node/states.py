@@ -9,8 +9,7 @@ from enum import Enum
 class Word(str, Enum):
     """An enumeration whose members print as their value."""
 
-    def __str__(self) -> str:
-        return str(self.value)
+    __str__ = str.__str__
 
 
 class State(Word):
