@@ -13,7 +13,7 @@ from statistics import median
 from typing import NamedTuple
 
 from figures import Figure, within
-from ruckig import InputParameter, Ruckig, Trajectory
+from ruckig import ControlInterface, InputParameter, Ruckig, Trajectory
 
 from homing_node.layout import AxisLayout, SwitchLayout
 from homing_node.parameters import AxisParameters, axis_parameters
@@ -90,19 +90,31 @@ def legs(samples: Sequence[Sample], rows: Sequence[object]) -> Iterator[tuple[Sa
 
 def optimum(samples: Sequence[Sample], rows: Sequence[object]) -> float:
     """Return the time-optimal duration of a course through the same events, s."""
-    total = 0.0
-    for start, end in legs(samples, rows):
-        given, trajectory = InputParameter(1), Trajectory(1)
-        given.current_position, given.target_position = [start.position], [end.position]
-        given.current_velocity, given.target_velocity = [start.velocity], [end.velocity]
-        given.current_acceleration = [start.acceleration]
-        given.target_acceleration = [end.acceleration]
-        slow = 0.0 < abs(end.velocity) <= SLOW * (1 + 1e-9)
-        given.max_velocity = [(SLOW if slow else FAST) * (1 + 1e-9)]
-        given.max_acceleration, given.max_jerk = [ACCELERATION * (1 + 1e-9)], [JERK]
+    return sum(optimal_leg(start, end) for start, end in legs(samples, rows))
+
+
+def optimal_leg(start: Sample, end: Sample) -> float:
+    """Return the least time from one state to another, slowly where it ends slowly, s."""
+    slow = 0.0 < abs(end.velocity) <= SLOW * (1 + 1e-9)
+    given, trajectory = InputParameter(1), Trajectory(1)
+    given.current_position, given.target_position = [start.position], [end.position]
+    given.current_velocity, given.target_velocity = [start.velocity], [end.velocity]
+    given.current_acceleration = [start.acceleration]
+    given.target_acceleration = [end.acceleration]
+    given.max_velocity = [(SLOW if slow else FAST) * (1 + 1e-9)]
+    given.max_acceleration, given.max_jerk = [ACCELERATION * (1 + 1e-9)], [JERK]
+    braking = 0.0
+    if abs(start.velocity) > given.max_velocity[0]:  # where ruckig would brake too far, and back
+        given.control_interface = ControlInterface.Velocity
+        given.target_velocity, given.target_acceleration = [end.velocity], [0.0]
         Ruckig(1).calculate(given, trajectory)
-        total += trajectory.duration
-    return total
+        braking = trajectory.duration
+        (given.current_position, given.current_velocity,
+         given.current_acceleration) = trajectory.at_time(braking)
+        given.control_interface = ControlInterface.Position
+        given.target_acceleration = [end.acceleration]
+    Ruckig(1).calculate(given, trajectory)
+    return braking + float(trajectory.duration)
 
 
 class Duration(NamedTuple):
