@@ -9,6 +9,7 @@ the switch rises at every time within a cycle.
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from math import copysign
 from statistics import median
 from typing import NamedTuple
 
@@ -94,7 +95,10 @@ def optimum(samples: Sequence[Sample], rows: Sequence[object]) -> float:
 
 
 def optimal_leg(start: Sample, end: Sample) -> float:
-    """Return the least time from one state to another, slowly where it ends slowly, s."""
+    """Return the least time from one state to another, s.
+
+    Where it ends slowly it goes slowly, from a stretch of braking on that begins at once.
+    """
     slow = 0.0 < abs(end.velocity) <= SLOW * (1 + 1e-9)
     given, trajectory = InputParameter(1), Trajectory(1)
     given.current_position, given.target_position = [start.position], [end.position]
@@ -104,14 +108,16 @@ def optimal_leg(start: Sample, end: Sample) -> float:
     given.max_velocity = [(SLOW if slow else FAST) * (1 + 1e-9)]
     given.max_acceleration, given.max_jerk = [ACCELERATION * (1 + 1e-9)], [JERK]
     braking = 0.0
-    if abs(start.velocity) > given.max_velocity[0]:  # where ruckig would brake too far, and back
+    if slow and abs(start.velocity) > SLOW:  # where ruckig would brake too far, and come back
         given.control_interface = ControlInterface.Velocity
-        given.target_velocity, given.target_acceleration = [end.velocity], [0.0]
+        given.target_velocity = [copysign(SLOW, end.velocity)]
+        given.target_acceleration = [0.0]
         Ruckig(1).calculate(given, trajectory)
         braking = trajectory.duration
         (given.current_position, given.current_velocity,
          given.current_acceleration) = trajectory.at_time(braking)
         given.control_interface = ControlInterface.Position
+        given.target_velocity = [end.velocity]
         given.target_acceleration = [end.acceleration]
     Ruckig(1).calculate(given, trajectory)
     return braking + float(trajectory.duration)

@@ -169,7 +169,7 @@ class HomingNode(ConfiguredNode):
             return Outcome(Error.InvalidParameter, '; '.join(self.faults[name]))
         if self._timebase.now < FIRST_INSTANT:
             return Outcome(
-                Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard yet')
+                Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard, or is at 0')
         if not self._by_trajectory:  # every axis is told a position, also one that only rests
             for axis in self._axes.values():
                 if not axis.known:
@@ -245,6 +245,9 @@ class HomingNode(ConfiguredNode):
         def hopeless() -> bool:
             return ended() or (self._stop_requested and clock.stands)
 
+        with self._lock:
+            for axis in self._axes.values():
+                self._reports.note(axis)
         clock.sleep_until(FIRST_INSTANT, hopeless)
         due = clock.read()
         while not ended():

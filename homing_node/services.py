@@ -119,7 +119,7 @@ class Services:
         if canceled:
             return [Outcome(Error.Canceled, 'canceled before anything moved')]
         with self._lock:
-            now = self._timebase.read()
+            now = self._timebase.present
             self._poll()
             started = self._dispatch.home(names, owner, now)
             if isinstance(started, Outcome):

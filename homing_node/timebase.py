@@ -28,8 +28,9 @@ def wake_precisely() -> None:
 
 
 class TimeBase:
-    """``now`` is the time of the last reading, s; 0 while simulated time has not begun.
+    """The cycle reads it, nobody else: what lies between two readings is how late a cycle was.
 
+    ``now`` is the time of the last reading, s; 0 while simulated time has not begun.
     ``ros_time`` returns the simulated time in ns, or is None where time is not simulated.
     """
 
@@ -53,13 +54,17 @@ class TimeBase:
         return self.simulated and time.monotonic() - self._moved > STANDSTILL
 
     @property
+    def present(self) -> float:
+        """The time, though no cycle has begun with it, s; for any thread."""
+        return time.monotonic() if self._ros_time is None else self._ros_time() * 1e-9
+
+    @property
     def elapsed(self) -> float:
         """How long ago the last reading was, s."""
-        present = time.monotonic() if self._ros_time is None else self._ros_time() * 1e-9
-        return present - self.now
+        return self.present - self.now
 
     def read(self) -> float:
-        """Read the clock; any thread may."""
+        """Read the clock; for the thread of the cycle alone."""
         if self._ros_time is None:
             reading = time.monotonic(), time.time_ns()
         else:

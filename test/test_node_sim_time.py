@@ -12,7 +12,9 @@ def simulated(tmp_path_factory):
     with ros.World(tmp_path_factory.mktemp('simulated'), ros.node_parameters(
             {'x': {'home_type': 'HS', 'travel': 1.0}}, use_sim_time=True)) as world:
         world.hand = ros.HandPlant(world.client, x=0.0)
+        world.first_states = world.client.record_states('x')
         world.without_time = world.client.trigger('x/home').message
+        world.client.until(lambda: world.first_states, what='a state before any time')
         world.hand.sim_time = 100_000_000_000
         world.hand.set_levels('x')
         yield world
@@ -21,7 +23,9 @@ def simulated(tmp_path_factory):
 
 def test_without_a_time_nothing_begins(simulated):
     assert simulated.without_time == (
-        'FeedbackStale: use_sim_time is true, but /clock was not heard yet')
+        'FeedbackStale: use_sim_time is true, but /clock was not heard, or is at 0')
+    first = simulated.first_states[0].message
+    assert (first.state, first.homed, first.header.stamp.sec) == ('Idle', False, 0)
 
 
 def test_simulated_time(simulated):

@@ -22,7 +22,7 @@ def test_what_was_told_before_a_request_counts_before_it():
         return Outcome(Error.Busy, 'busy')
 
     services = Services(
-        SimpleNamespace(home=home), None, SimpleNamespace(read=lambda: 1.0), lock, poll)
+        SimpleNamespace(home=home), None, SimpleNamespace(present=1.0), lock, poll)
     serving = services.home(['x'], 'me')(None, SimpleNamespace())
     try:
         serving.send(None)

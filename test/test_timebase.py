@@ -68,6 +68,15 @@ def test_sleep_in_simulated_time():
     assert stopped.now == 0.0
 
 
+def test_a_step_back_is_seen_although_another_thread_has_looked():
+    ros_time = [100_000_000_000]
+    clock = TimeBase(lambda: ros_time[0])
+    ros_time[0] = 500_000_000
+    assert clock.present == 0.5
+    clock.sleep_until(100.004, lambda: pytest.fail('waits for the time before'))
+    assert clock.now == 0.5
+
+
 def test_simulated_time_stands(monkeypatch):
     real, simulated = [100.0], [0]
     monkeypatch.setattr(time, 'monotonic', lambda: real[0])
