@@ -34,6 +34,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 #: How long anything may take that takes no time, s: only a failing or starved test waits for it.
 PATIENCE = 20.0
+#: When a request that was not answered is sent once more, s; no healthy run takes that long.
+AGAIN = 10.0
 #: Answers of a home request that only mean that the plant has not been heard yet.
 UNHEARD = ('SwitchUnknown', 'FeedbackStale')
 #: What a state of an axis looks like for a reader that joins late.
@@ -156,6 +158,40 @@ class Heard(NamedTuple):
     received: int
 
 
+class Asking:
+    """A request that is sent again where it was passed over, or where nothing is heard of it.
+
+    A service is found before it has found who asks: it may not hear the request, and its answer
+    may not be heard.
+    """
+
+    def __init__(self, send, passed_over=(), again=AGAIN):
+        self._send, self._passed_over, self._again = send, passed_over, again
+        self._futures = []
+        self._due = 0.0
+
+    @property
+    def last(self):
+        """The future of the last request."""
+        return self._futures[-1]
+
+    def answer(self):
+        """Return the answer, None as long as there is none."""
+        if time.monotonic() > self._due:
+            self._due = time.monotonic() + self._again
+            self._futures.append(self._send())
+        for future in [future for future in self._futures if future.done()]:
+            answer = future.result()
+            message = getattr(answer, 'message', '')
+            others = len(self._futures) > 1
+            if message.startswith(self._passed_over):
+                self._due = 0.0
+            elif not (others and message.startswith('Busy')):  # with another one of these
+                return answer
+            self._futures.remove(future)
+        return None
+
+
 class Client:
     """A user's node in the test's process; only `until` and what calls it let time pass."""
 
@@ -241,7 +277,8 @@ class Client:
 
     def ask(self, kind, service, timeout=PATIENCE, **fields):
         """Call a service; return its answer."""
-        return self.answer(self.send(kind, service, **fields), timeout)
+        asking = Asking(lambda: self.send(kind, service, **fields))
+        return self.until(asking.answer, timeout, f'an answer of {service}')
 
     def answer(self, future, timeout=PATIENCE):
         self.until(future.done, timeout, 'an answer')
@@ -255,36 +292,33 @@ class Client:
 
         Asks again while the node has not heard the plant.
         """
+        asking = {axis: self.asking_to_home(axis) for axis in axes}
         answers = {}
-        pending = {axis: self.send(Trigger, f'{axis}/home') for axis in axes}
 
         def look():
-            for axis in [axis for axis, future in pending.items() if future.done()]:
-                answer = pending.pop(axis).result()
-                if answer.message.startswith(UNHEARD):
-                    pending[axis] = self.send(Trigger, f'{axis}/home')
-                else:
-                    answers[axis] = answer
-            return not pending
+            answers.update({axis: answer for axis, one in asking.items()
+                            if axis not in answers and (answer := one.answer())})
+            return len(answers) == len(axes)
 
         self.until(look, timeout, f'homing of {axes}')
         return answers
 
+    def asking_to_home(self, axis, *passed_over, again=AGAIN):
+        return Asking(
+            lambda: self.send(Trigger, f'{axis}/home'), (*UNHEARD, *passed_over), again)
+
     def start(self, axis):
         """Request a home; return the future of its answer once the axis moves."""
         setpoints = self.record(JointTrajectory, 'setpoints')
-        future = self.send(Trigger, f'{axis}/home')
+        asking = self.asking_to_home(axis)
 
         def moves():
-            nonlocal future
-            if future.done():
-                answer = future.result()
-                assert answer.message.startswith(UNHEARD), answer.message
-                future = self.send(Trigger, f'{axis}/home')
+            refusal = asking.answer()
+            assert refusal is None, refusal.message
             return any(axis in s.message.joint_names for s in setpoints)
 
         self.until(moves, what=f'motion of {axis}')
-        return future
+        return asking.last
 
     def set(self, atomically=False, **values):
         """Set parameters (`__` stands for the point); return one result, or one of each."""

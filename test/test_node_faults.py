@@ -17,7 +17,6 @@ import yaml
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 SPEED = 0.05
@@ -101,17 +100,7 @@ def home_again(client, axis='x'):
 
     The killed one's services stay listed for a while, and a request may be lost to them.
     """
-    passed_over = (*ros.UNHEARD, 'Busy', 'ServoOff')
-    futures, due = [], 0.0
-
-    def answered():
-        nonlocal due
-        if time.monotonic() > due:
-            due = time.monotonic() + 1.0
-            futures.append(client.send(Trigger, f'{axis}/home'))
-        answers = [future.result() for future in futures if future.done()]
-        return [a for a in answers if not a.message.startswith(passed_over)]
-    return client.until(answered, 60.0)[0]
+    return client.until(client.asking_to_home(axis, 'ServoOff', again=1.0).answer, 60.0)
 
 
 # -- a node that hangs, clients and readers that vanish -------------------------------------------
