@@ -9,7 +9,7 @@ from homing_node.machine import Machine
 
 QUIET = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile(
-    'quick', deadline=None, derandomize=True, max_examples=100, suppress_health_check=QUIET,
+    'quick', deadline=None, derandomize=True, max_examples=150, suppress_health_check=QUIET,
     phases=(Phase.explicit, Phase.generate, Phase.shrink))
 settings.register_profile('fuzz', deadline=None, max_examples=1500, suppress_health_check=QUIET)
 settings.load_profile('fuzz' if os.environ.get('HOMING_FUZZ') else 'quick')

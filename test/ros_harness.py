@@ -34,8 +34,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 #: How long anything may take that takes no time, s: only a failing or starved test waits for it.
 PATIENCE = 20.0
-#: When a request that was not answered is sent once more, s; no healthy run takes that long.
-AGAIN = 10.0
+#: What rmw says of an answer that it dropped, for the node had not discovered who waits for it.
+DROPPED = 'failed to send response'
+#: How often it is asked whether a request has to be sent again, s.
+AGAIN = 1.0
 #: Answers of a home request that only mean that the plant has not been heard yet.
 UNHEARD = ('SwitchUnknown', 'FeedbackStale')
 #: What a state of an axis looks like for a reader that joins late.
@@ -159,14 +161,10 @@ class Heard(NamedTuple):
 
 
 class Asking:
-    """A request that is sent again where it was passed over, or where nothing is heard of it.
+    """A request that is sent again where it was passed over, and when `again` says so."""
 
-    A service is found before it has found who asks: it may not hear the request, and its answer
-    may not be heard.
-    """
-
-    def __init__(self, send, passed_over=(), again=AGAIN):
-        self._send, self._passed_over, self._again = send, passed_over, again
+    def __init__(self, send, again, passed_over=()):
+        self._send, self._again, self._passed_over = send, again, passed_over
         self._futures = []
         self._due = 0.0
 
@@ -177,16 +175,15 @@ class Asking:
 
     def answer(self):
         """Return the answer, None as long as there is none."""
-        if time.monotonic() > self._due:
-            self._due = time.monotonic() + self._again
+        if not self._futures or (time.monotonic() > self._due and self._again()):
             self._futures.append(self._send())
+        if time.monotonic() > self._due:
+            self._due = time.monotonic() + AGAIN
         for future in [future for future in self._futures if future.done()]:
             answer = future.result()
             message = getattr(answer, 'message', '')
-            others = len(self._futures) > 1
-            if message.startswith(self._passed_over):
-                self._due = 0.0
-            elif not (others and message.startswith('Busy')):  # with another one of these
+            ours = len(self._futures) > 1 and message.startswith('Busy')
+            if not (ours or message.startswith(self._passed_over)):
                 return answer
             self._futures.remove(future)
         return None
@@ -277,7 +274,7 @@ class Client:
 
     def ask(self, kind, service, timeout=PATIENCE, **fields):
         """Call a service; return its answer."""
-        asking = Asking(lambda: self.send(kind, service, **fields))
+        asking = Asking(lambda: self.send(kind, service, **fields), self._drops())
         return self.until(asking.answer, timeout, f'an answer of {service}')
 
     def answer(self, future, timeout=PATIENCE):
@@ -303,9 +300,22 @@ class Client:
         self.until(look, timeout, f'homing of {axes}')
         return answers
 
-    def asking_to_home(self, axis, *passed_over, again=AGAIN):
-        return Asking(
-            lambda: self.send(Trigger, f'{axis}/home'), (*UNHEARD, *passed_over), again)
+    def asking_to_home(self, axis, *passed_over, again=None):
+        return Asking(lambda: self.send(Trigger, f'{axis}/home'), again or self._drops(),
+                      (*UNHEARD, *passed_over))
+
+    def _drops(self):
+        """Return what tells whether an answer was dropped since it was asked last."""
+        def count():
+            return sum(process.output.count(DROPPED) for process in self._watched)
+
+        def dropped():
+            nonlocal known
+            before, known = known, count()
+            return known > before
+
+        known = count()
+        return dropped
 
     def start(self, axis):
         """Request a home; return the future of its answer once the axis moves."""

@@ -100,7 +100,7 @@ def home_again(client, axis='x'):
 
     The killed one's services stay listed for a while, and a request may be lost to them.
     """
-    return client.until(client.asking_to_home(axis, 'ServoOff', again=1.0).answer, 60.0)
+    return client.until(client.asking_to_home(axis, 'ServoOff', again=lambda: True).answer, 60.0)
 
 
 # -- a node that hangs, clients and readers that vanish -------------------------------------------
