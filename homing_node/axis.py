@@ -232,12 +232,19 @@ class Axis:
         """End the run, if one is on, with a fault: a stop with ls_dec."""
         self._fail(error, message)
 
-    def set_back(self) -> None:
+    def held_up(self, since: float, message: str) -> None:
+        """Take that no cycle came since a time; a run that began later has missed none."""
+        if self.machine is not None and self.machine.now < since:
+            self.stop(Error.CycleLate, message)
+
+    def set_back(self, now: float) -> None:
         """Forget what was known at times that come once more, for time was set back.
 
-        The levels stay. The feedback has to come anew, and the home is lost with it.
+        The levels stay, as if told now. The feedback has to come anew; the home is lost with it.
         """
         self._settle_switches(math.inf)
+        for switch in self._switches.values():
+            switch.set_back(now)
         self._waiting.clear()
         self._unresolved.clear()
         self._track.restart()

@@ -133,6 +133,7 @@ class Inputs:
 
     def poll(self) -> None:
         """Give every message that has arrived to its axis, the feedback last."""
+        self._clock.relate()
         for name, wires in self._wires.items():
             for wire in wires:
                 while (taken := wire.take()) is not None:
@@ -191,9 +192,10 @@ class Inputs:
             axis.enable(bool(value))
         else:
             clock = self._clock
-            arrival = stamp = clock.now
+            clock.relate()
+            arrival = stamp = clock.polled
             if not clock.simulated:
-                arrival = clock.time_of(info['received_timestamp'])
+                arrival = min(arrival, clock.time_of(info['received_timestamp']))
                 stamp = clock.time_of(info['source_timestamp'])
             found = wire.stamps.believe(stamp, arrival)
             if found is not None:
@@ -217,9 +219,10 @@ class Inputs:
             return
         sampled, names, positions = read
         clock = self._clock
-        arrival = sent = stamp = clock.now
+        clock.relate()
+        arrival = sent = stamp = clock.polled
         if not clock.simulated:
-            arrival = clock.time_of(info['received_timestamp'])
+            arrival = min(arrival, clock.time_of(info['received_timestamp']))
             sent = stamp = clock.time_of(info['source_timestamp'])
         if sampled:
             stamp = clock.time_of(sampled)

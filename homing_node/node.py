@@ -260,7 +260,9 @@ class HomingNode(ConfiguredNode):
             late = clock.read() - begin
             hold_up = self._hold_up(late)
             if hold_up:
-                self._stop_all(Error.CycleLate, hold_up)
+                with self._lock:
+                    for axis in self._axes.values():
+                        axis.held_up(clock.now - self._cycle_timeout, hold_up)
             elif late < -self._period:
                 self._set_back(-late)
             if abs(late) >= self._period:
@@ -321,18 +323,14 @@ class HomingNode(ConfiguredNode):
             self._dispatch.abandon('the node ended while simulated time stood still')
         self._finish()
 
-    def _stop_all(self, error: Error, text: str) -> None:
-        with self._lock:
-            for axis in self._axes.values():
-                axis.stop(error, text)
-
     def _set_back(self, step: float) -> None:
         """Stop every axis; forget what was known at times that are to come once more."""
-        self._stop_all(Error.CycleLate, f'simulated time was set back by about {step:.3f} s')
-        self._watched = self._timebase.now
+        text = f'simulated time was set back by about {step:.3f} s'
+        now = self._watched = self._timebase.now
         with self._lock:
             for axis in self._axes.values():
-                axis.set_back()
+                axis.stop(Error.CycleLate, text)
+                axis.set_back(now)
 
     def _finish(self) -> None:
         self.finished.set()

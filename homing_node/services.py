@@ -119,9 +119,8 @@ class Services:
         if canceled:
             return [Outcome(Error.Canceled, 'canceled before anything moved')]
         with self._lock:
-            now = self._timebase.present
             self._poll()
-            started = self._dispatch.home(names, owner, now)
+            started = self._dispatch.home(names, owner, self._timebase.polled)
             if isinstance(started, Outcome):
                 return [started]
             answer = self._dispatch.answer(started)

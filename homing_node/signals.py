@@ -280,6 +280,11 @@ class Switch:
         """
         return self._confirm(now - self._heard)
 
+    def set_back(self, now: float) -> None:
+        """Take the level as told now: the times before come once more."""
+        self.seen = now
+        self._last = self._heard = -1e300
+
     def _confirm(self, lasted: float) -> Edge | None:
         if self._first is None or lasted < self.debounce:
             return None

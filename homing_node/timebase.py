@@ -1,7 +1,7 @@
 """The node's clock: the time of the core, how stamps relate to it, and waiting for the next cycle.
 
 Without ``use_sim_time`` the core's time is the monotonic clock, and stamps (system time) are
-related to it anew at every reading, so that a step of the system clock does no harm. With it the
+related to it anew at every message, so that a step of the system clock does no harm. With it the
 core's time is ROS time.
 """
 
@@ -11,8 +11,9 @@ from collections.abc import Callable
 
 #: How often a simulated clock is looked at, s.
 LOOK = 0.0005
-#: A simulated clock that has not moved for this long of real time stands, s.
-STANDSTILL = 1.0
+#: A simulated clock that has not moved for this long of real time stands, s. What lies between two
+#: looks counts for no more than BLINK: we may have been held up, and the clock not.
+STANDSTILL, BLINK = 1.0, 0.1
 
 #: A lead settles where this share of the setpoints is late. It changes by no more than LEAD_STEP
 #: of the period a cycle, and stays below MOST_LEAD of it.
@@ -30,19 +31,22 @@ def wake_precisely() -> None:
 class TimeBase:
     """The cycle reads it, nobody else: what lies between two readings is how late a cycle was.
 
-    ``now`` is the time of the last reading, s; 0 while simulated time has not begun.
-    ``ros_time`` returns the simulated time in ns, or is None where time is not simulated.
+    ``now`` is the time of the last reading, ``polled`` that of the last poll or message in it, s;
+    0 while simulated time has not begun. ``ros_time`` returns the simulated time in ns, or is None
+    where time is not simulated.
     """
 
     def __init__(self, ros_time: Callable[[], int] | None = None) -> None:
         self._ros_time = ros_time
-        self._moved = time.monotonic()
-        self._reading = 0.0, 0  # the time of the core in s, and the stamp at that time in ns
+        self._stood, self._looked = 0.0, time.monotonic()  # s of real time
+        self.now = 0.0
+        self._relation = 0.0, 0  # the time of the core in s, and the stamp at that time in ns
         self.read()
+        self.relate()
 
     @property
-    def now(self) -> float:
-        return self._reading[0]
+    def polled(self) -> float:
+        return self._relation[0]
 
     @property
     def simulated(self) -> bool:
@@ -51,34 +55,31 @@ class TimeBase:
     @property
     def stands(self) -> bool:
         """Whether simulated time has stood still for a while."""
-        return self.simulated and time.monotonic() - self._moved > STANDSTILL
-
-    @property
-    def present(self) -> float:
-        """The time, though no cycle has begun with it, s; for any thread."""
-        return time.monotonic() if self._ros_time is None else self._ros_time() * 1e-9
+        return self.simulated and self._stood > STANDSTILL
 
     @property
     def elapsed(self) -> float:
         """How long ago the last reading was, s."""
-        return self.present - self.now
+        return self._look()[0] - self.now
 
     def read(self) -> float:
         """Read the clock; for the thread of the cycle alone."""
-        if self._ros_time is None:
-            reading = time.monotonic(), time.time_ns()
-        else:
-            wall = self._ros_time()
-            reading = wall * 1e-9, wall
-            if reading != self._reading:
-                self._moved = time.monotonic()
-        self._reading = reading
-        return reading[0]
+        before = self.now
+        self.now, _ = self._look()
+        if self.simulated:
+            looked, self._looked = self._looked, time.monotonic()
+            self._stood = (
+                self._stood + min(self._looked - looked, BLINK) if self.now == before else 0.0)
+        return self.now
+
+    def relate(self) -> None:
+        """Relate stamps to the present, of a poll or a message; while the axes are locked."""
+        self._relation = self._look()
 
     def time_of(self, nanoseconds: int) -> float:
-        """Return a stamp in the time of the core, by the last reading."""
-        now, wall = self._reading
-        return now + (nanoseconds - wall) * 1e-9
+        """Return a stamp in the time of the core, as it was related last."""
+        then, wall = self._relation
+        return then + (nanoseconds - wall) * 1e-9
 
     def sleep_until(self, due: float, ended: Callable[[], bool]) -> None:
         """Wait for a time of the core.
@@ -91,6 +92,13 @@ class TimeBase:
         before = self.now
         while before <= self.read() < due and not ended():
             time.sleep(LOOK)
+
+    def _look(self) -> tuple[float, int]:
+        """Return the time of the core in s, and the stamp at that time in ns."""
+        if self._ros_time is None:
+            return time.monotonic(), time.time_ns()
+        wall = self._ros_time()
+        return wall * 1e-9, wall
 
 
 class Lead:

@@ -759,12 +759,12 @@ def test_time_that_is_set_back():
     made.switch(HS, time, True)  # not confirmed yet
     time -= 5.0
     made.stop(Error.CycleLate, 'set back')
-    made.set_back()
+    made.set_back(time)
     assert made.update(time).velocity > 0.0
     for _ in range(100):  # also while the feedback settles
         cycles(2)
         time -= 1.0
-        made.set_back()
+        made.set_back(time)
     cycles(10)
     assert not made.running
     assert made.outcome.error is Error.CycleLate
@@ -778,10 +778,32 @@ def test_time_that_is_set_back():
     assert made.homed
     assert made.outcome.home_position_raw == pytest.approx(edge, abs=0.2 * PERIOD)
 
-    made.set_back()
+    made.set_back(time - 5.0)
     assert not made.homed
     assert refused(made, time - 5.0).error is Error.FeedbackStale
     assert made.position == pytest.approx(position)
+
+
+def test_a_periodic_switch_is_as_old_as_the_step_back():
+    made = axis(switch_timeout=0.1)
+    time = 60.0
+    for switch in (HS, 'positive_limit_switch', LIMIT_BEHIND):
+        made.switch(Input(switch), time, False)
+    time -= 50.0
+    made.set_back(time)
+    made.feedback(time, 0.05)
+    assert made.refusal(time) is None
+    time += 0.15
+    made.feedback(time, 0.05)
+    assert refused(made, time).error is Error.SwitchStale
+
+
+@pytest.mark.parametrize('since, error', [
+    (-0.01, Error.NoError), (0.01, Error.CycleLate)], ids=['before the run', 'in the run'])
+def test_a_hold_up_ends_the_runs_that_missed_a_cycle(since, error):
+    made = underway()
+    made.axis.held_up(made.time + since, 'a cycle was late')
+    assert made.finish().outcome.error is error
 
 
 def test_continue_without_a_pause_does_nothing():

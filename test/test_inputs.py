@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from types import SimpleNamespace
+import time
 
 import pytest
 from builtin_interfaces.msg import Time
@@ -16,6 +16,7 @@ from std_msgs.msg import Bool, Float64
 from homing_node.axis import Axis
 from homing_node.inputs import MANY_FEEDS, Inputs
 from homing_node.states import Error, Input
+from homing_node.timebase import TimeBase
 
 
 class Subscription:
@@ -36,6 +37,24 @@ class Subscription:
         return 1
 
 
+class Clock:
+    """What the test says that it is."""
+
+    def __init__(self):
+        self.now, self.elapsed, self.simulated = 1000.0, 0.0, False
+
+    @property
+    def polled(self):
+        return self.now
+
+    def relate(self):
+        pass
+
+    @staticmethod
+    def time_of(nanoseconds):
+        return nanoseconds * 1e-9
+
+
 class Cell:
     """An axis that homes, behind the node's own inputs, without a graph."""
 
@@ -44,8 +63,7 @@ class Cell:
     def __init__(self, home_type):
         self.axis = Axis('x', rig(home_type).parameters(), self.PERIOD)
         self.topics = {}
-        self.clock = SimpleNamespace(
-            now=1000.0, elapsed=0.0, simulated=False, time_of=self._time_of)
+        self.clock = Clock()
         self.inputs = Inputs({'x': self.axis}, {'x': 'x'}, self.clock, self._subscribe,
                              lambda _: None, 10, self._hold_up)
         self.inputs.wire('x', {})
@@ -65,9 +83,6 @@ class Cell:
     @staticmethod
     def _hold_up(late):
         return f'held up for {late:g} s' if late > 0.2 else ''
-
-    def _time_of(self, nanoseconds):
-        return self.clock.now + (nanoseconds - round(self.clock.now * 1e9)) * 1e-9
 
     def say(self, topic, message, stamp=0.0, age=0.0):
         """Put a message where the next cycle finds it; times relative to now, s."""
@@ -119,6 +134,49 @@ def test_a_message_is_not_to_blame_for_our_own_hold_up(
         cell.cycle()
     assert cell.axis.outcome.error is (error or stale)
     assert text in cell.axis.outcome.message
+
+
+@pytest.mark.parametrize('step', [3600.0, 0.3, -0.3, -3600.0])
+@pytest.mark.parametrize('polled', [False, True], ids=['before the poll', 'within it'])
+def test_a_step_of_the_system_clock_since_the_cycle_began(monkeypatch, step, polled):
+    """Feedback that comes in a poll is no later than the poll, and what follows is taken."""
+    monotonic, system = [1000.0], [1.7e9]
+    monkeypatch.setattr(time, 'monotonic', lambda: monotonic[0])
+    monkeypatch.setattr(time, 'time_ns', lambda: round(system[0] * 1e9))
+    fed = Fed(TimeBase(), x=0.1)
+    axis = fed.axes['x']
+
+    def say(position):
+        stamp = round(system[0] * 1e9)
+        fed.feedback.waiting.append((
+            serialize_message(JointState(name=['x'], position=[position])),
+            {'source_timestamp': stamp, 'received_timestamp': stamp}))
+
+    def pass_time():
+        monotonic[0] += 0.002
+        system[0] += 0.002
+
+    relate = fed.clock.relate
+
+    def step_within():
+        relate()
+        fed.clock.relate = relate
+        system[0] += step
+        say(1.0)
+
+    if polled:
+        fed.clock.relate = step_within
+    else:
+        system[0] += step
+        say(1.0)
+    fed.inputs.poll()
+    assert axis.arrival <= monotonic[0]
+    for position in range(2, 5):
+        pass_time()
+        say(position)
+        fed.inputs.poll()
+    assert axis.position == 4.0
+    assert axis.arrival == pytest.approx(monotonic[0], abs=1e-6)
 
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -182,11 +240,10 @@ def test_any_messages_in_any_order(home_type, events):
 class Fed:
     """Axes that rest, fed by one publisher."""
 
-    def __init__(self, **timeouts):
+    def __init__(self, clock=None, **timeouts):
         self.axes = {name: Axis(name, rig('HS', feedback_timeout=timeout).parameters(), 0.004)
                      for name, timeout in timeouts.items()}
-        self.clock = SimpleNamespace(now=1000.0, elapsed=0.0, simulated=False,
-                                     time_of=lambda ns: ns * 1e-9)
+        self.clock = clock or Clock()
         self.inputs = Inputs(self.axes, {name: name for name in self.axes}, self.clock,
                              self._subscribe, lambda _: None, 10, lambda _: '')
         for name in self.axes:

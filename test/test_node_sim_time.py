@@ -1,15 +1,19 @@
 """The node in simulated time, with a plant whose every message the test controls."""
 
+import signal
 import time
+from contextlib import contextmanager
 
 import pytest
 import ros_harness as ros
 from trajectory_msgs.msg import JointTrajectory
 
+from homing_node.timebase import STANDSTILL
 
-@pytest.fixture(scope='module')
-def simulated(tmp_path_factory):
-    with ros.World(tmp_path_factory.mktemp('simulated'), ros.node_parameters(
+
+@contextmanager
+def simulated_world(folder):
+    with ros.World(folder, ros.node_parameters(
             {'x': {'home_type': 'HS', 'travel': 1.0}}, use_sim_time=True)) as world:
         world.hand = ros.HandPlant(world.client, x=0.0)
         world.first_states = world.client.record_states('x')
@@ -19,6 +23,12 @@ def simulated(tmp_path_factory):
         world.hand.set_levels('x')
         yield world
         world.hand.close()
+
+
+@pytest.fixture(scope='module')
+def simulated(tmp_path_factory):
+    with simulated_world(tmp_path_factory.mktemp('simulated')) as world:
+        yield world
 
 
 def test_without_a_time_nothing_begins(simulated):
@@ -117,3 +127,21 @@ def test_a_signal_while_simulated_time_stands(simulated):
     answer = client.answer(future, 1.0)
     assert not answer.success
     assert answer.message.startswith('Canceled: axis x: '), answer.message
+
+
+def test_a_signal_after_a_hold_up(tmp_path):
+    """Simulated time went on meanwhile: the axis comes to rest."""
+    with simulated_world(tmp_path) as world:
+        client = world.client
+        setpoints = client.record(JointTrajectory, 'setpoints')
+        future = client.start('x')
+        ros.at_speed(client, setpoints, 'x')
+        client.watch()
+        world.node.signal(signal.SIGSTOP)
+        client.pass_time(1.5 * STANDSTILL)
+        world.node.signal(signal.SIGTERM)
+        world.node.signal(signal.SIGCONT)
+        client.until(lambda: not world.node.alive)
+        assert world.node.wait() == 0
+        assert 'stood still' not in client.answer(future, 1.0).message
+        ros.assert_stopped(client, setpoints, 'x')

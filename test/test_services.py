@@ -11,18 +11,20 @@ from homing_node.states import Error
 def test_what_was_told_before_a_request_counts_before_it():
     """A home switch that has just fallen must not be taken for on."""
     lock, done = threading.Lock(), []
+    clock = SimpleNamespace(polled=1.0)
 
     def poll():
         assert lock.locked()
+        clock.polled = 2.0
         done.append('poll')
 
-    def home(*_):
+    def home(names, owner, now):
         assert lock.locked()
+        assert now == 2.0  # no message that was polled is from later
         done.append('home')
         return Outcome(Error.Busy, 'busy')
 
-    services = Services(
-        SimpleNamespace(home=home), None, SimpleNamespace(present=1.0), lock, poll)
+    services = Services(SimpleNamespace(home=home), None, clock, lock, poll)
     serving = services.home(['x'], 'me')(None, SimpleNamespace())
     try:
         serving.send(None)

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from homing_node.timebase import LATE_SHARE, MOST_LEAD, STANDSTILL, Lead, TimeBase
+from homing_node.timebase import BLINK, LATE_SHARE, MOST_LEAD, STANDSTILL, Lead, TimeBase
 
 PERIOD = 0.004
 
@@ -29,6 +29,7 @@ def test_a_step_of_the_system_clock_does_no_harm(monkeypatch):
     monkeypatch.setattr(time, 'time_ns', lambda: system() + shift)
     before = clock.now
     assert 0.0 <= clock.read() - before < 1.0
+    clock.relate()
     assert clock.time_of(time.time_ns()) == pytest.approx(clock.now, abs=0.1)
 
 
@@ -41,6 +42,10 @@ def test_simulated_time():
     assert clock.now == 5.0
     assert clock.elapsed == 1.0
     assert clock.read() == clock.now == 6.0
+    assert clock.time_of(5_500_000_000) == 5.5
+    assert clock.polled == 5.0
+    clock.relate()
+    assert clock.polled == 6.0
     assert clock.time_of(5_500_000_000) == 5.5
 
 
@@ -72,7 +77,8 @@ def test_a_step_back_is_seen_although_another_thread_has_looked():
     ros_time = [100_000_000_000]
     clock = TimeBase(lambda: ros_time[0])
     ros_time[0] = 500_000_000
-    assert clock.present == 0.5
+    clock.relate()
+    assert clock.elapsed == -99.5
     clock.sleep_until(100.004, lambda: pytest.fail('waits for the time before'))
     assert clock.now == 0.5
 
@@ -81,15 +87,22 @@ def test_simulated_time_stands(monkeypatch):
     real, simulated = [100.0], [0]
     monkeypatch.setattr(time, 'monotonic', lambda: real[0])
     clock = TimeBase(lambda: simulated[0])
-    real[0] += 0.9 * STANDSTILL
-    clock.read()
-    assert not clock.stands
-    real[0] += 0.2 * STANDSTILL
-    clock.read()
-    assert clock.stands
+
+    def look(times):
+        for _ in range(times):
+            real[0] += 0.5 * BLINK
+            clock.read()
+        return clock.stands
+
+    assert not look(round(1.8 * STANDSTILL / BLINK))
+    assert look(round(0.4 * STANDSTILL / BLINK))
     simulated[0] += 1
     clock.read()
     assert not clock.stands
+    real[0] += 10 * STANDSTILL  # we were held up
+    clock.read()
+    assert not clock.stands
+    assert look(round(2.2 * STANDSTILL / BLINK))
 
 
 # ---------------------------------------------------------------------------------------- lead
