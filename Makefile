@@ -10,6 +10,9 @@ ROS_SHELL := $(patsubst %,homing_node/%.py,node configured_node inputs services 
              client simulation_node)
 TYPED := $(filter-out $(ROS_SHELL),$(wildcard homing_node/*.py homing_node/*/*.py))
 
+# Tests that need no ROS share the cores; the others then run alone, one after another.
+WORKERS := --numprocesses auto --maxprocesses 4 --no-loadscope-reorder
+
 # A ROS installation that happens to be sourced must not leak into .venv.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON
 # Processes that are started here neither hear nor disturb ROS nodes of other machines.
@@ -38,7 +41,7 @@ lint: venv
 	$(VENV)/bin/mypy $(TYPED)
 
 test: lint
-	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(WORKERS)
 
 test-faults: venv
 	@$(VENV)/bin/python scripts/faults.py

@@ -1,11 +1,9 @@
-"""What the core's tests share: hypothesis profiles, and which arrows of the tables were taken."""
+"""What all tests share: hypothesis profiles, and how workers share the tests."""
 
 import os
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
-
-from homing_node.machine import Machine
 
 QUIET = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile(
@@ -14,29 +12,25 @@ settings.register_profile(
 settings.register_profile('fuzz', deadline=None, max_examples=1500, suppress_health_check=QUIET)
 settings.load_profile('fuzz' if os.environ.get('HOMING_FUZZ') else 'quick')
 
-COVERAGE = 'test_every_arrow_was_taken'
+#: Files that start processes or look at a clock.
+TIMED = ('test_bench', 'test_cli', 'test_docs', 'test_node_', 'test_reports', 'test_timebase')
+#: Its last test looks back at all the others.
+WHOLE = 'test_homing.py'
 
 
-@pytest.fixture(scope='session', autouse=True)
-def arrows_taken():
-    """Collect (home type, step, event) of every arrow that any run of the session takes."""
-    taken = set()
-    advance = Machine._advance
-
-    def noting(machine, event, cause):
-        known = len(machine.arrows)
-        advance(machine, event, cause)
-        taken.update((machine.procedure.home_type, *arrow) for arrow in machine.arrows[known:])
-
-    Machine._advance = noting
-    yield taken
-    Machine._advance = advance
+def pytest_collection_modifyitems(items):
+    """Put the timed tests last."""
+    items.sort(key=lambda item: item.path.name.startswith(TIMED))
 
 
-def pytest_collection_modifyitems(config, items):
-    """Put the arrow coverage last; skip it where only some of the tests run."""
-    items.sort(key=lambda item: item.name == COVERAGE)
-    part = config.option.keyword or config.option.markexpr or any('.py' in a for a in config.args)
-    for item in items:
-        if part and item.name == COVERAGE:
-            item.add_marker(pytest.mark.skip(reason='needs all tests'))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Let workers share the tests; the timed ones all go to one, and nothing runs beside them."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            file = nodeid.partition('::')[0].rpartition('/')[2]
+            return 'timed' if file.startswith(TIMED) else file if file == WHOLE else nodeid
+
+    return Scheduling(config, log)

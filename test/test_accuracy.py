@@ -117,18 +117,6 @@ def test_an_arrival_instead_of_a_stamp_is_less_certain_but_covers(source):
 # -- repeated passes ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('home_type', ['HSHS', 'HSTouchProbe'])
-@pytest.mark.parametrize('repeat', [1, 2, 5])
-def test_passes_are_repeated_from_the_same_side(home_type, repeat):
-    one = rig(home_type, repeat=repeat)
-    course = one.home(start=0.055)
-    assert home_of(course) == pytest.approx(TRUE_HOME[home_type], abs=1e-6)
-    search = {'HSHS': 'SecondHSSearch', 'HSTouchProbe': 'TouchProbeSearch'}[home_type]
-    assert course.states.count(search) == repeat
-    assert course.outcome.passes == repeat
-    assert course.outcome.passes_range <= 1e-6
-
-
 def test_every_pass_begins_beyond_the_homing_reverse_distance():
     """Not only the first: the target of the last clearing is not the next one's."""
     course = rig('HSHS', homing_reverse_distance=0.02, repeat=3).home(start=0.055)

@@ -36,6 +36,7 @@ from core_rig import (
 )
 
 from homing_node.layout import SwitchLayout
+from homing_node.machine import Machine
 from homing_node.procedures import PROCEDURES
 from homing_node.rehearsal import Transport
 from homing_node.states import Error, HomeType, Input
@@ -52,6 +53,22 @@ ON_LIMIT_TYPES = pytest.mark.parametrize('home_type', LIMIT_TYPES, ids=str)
 
 REVERSAL = 'HSFallingEdgeSearchReverse'
 AT_START = 'HSClearReverse'
+
+
+@pytest.fixture(scope='module', autouse=True)
+def arrows_taken():
+    """Collect (home type, step, event) of every arrow that any run of this file takes."""
+    taken = set()
+    advance = Machine._advance
+
+    def noting(machine, event, cause):
+        known = len(machine.arrows)
+        advance(machine, event, cause)
+        taken.update((machine.procedure.home_type, *arrow) for arrow in machine.arrows[known:])
+
+    Machine._advance = noting
+    yield taken
+    Machine._advance = advance
 
 
 # -- the home position, from everywhere (sections 3 to 5) -----------------------------------------
@@ -1071,11 +1088,29 @@ def test_pause_mode(home_type, direction, start):
     assert turns == []
 
 
+# -- repeated passes ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('home_type', ['HSHS', 'HSTouchProbe'])
+@pytest.mark.parametrize('repeat', [1, 2, 5])
+def test_passes_are_repeated_from_the_same_side(home_type, repeat):
+    one = rig(home_type, repeat=repeat)
+    course = one.home(start=0.055)
+    assert home_of(course) == pytest.approx(TRUE_HOME[home_type], abs=1e-6)
+    search = {'HSHS': 'SecondHSSearch', 'HSTouchProbe': 'TouchProbeSearch'}[home_type]
+    assert course.states.count(search) == repeat
+    assert course.outcome.passes == repeat
+    assert course.outcome.passes_range <= 1e-6
+
+
 # -- coverage -------------------------------------------------------------------------------------
 
 
-def test_every_arrow_was_taken(arrows_taken):
-    """Every arrow of every table was taken by some run of the tests."""
+def test_every_arrow_was_taken(request, arrows_taken):
+    """Every arrow of every table was taken by some run of this file."""
+    chosen = request.config.option.keyword or any('::' in a for a in request.config.args)
+    if chosen:
+        pytest.skip('needs all tests of this file')
     every = {(home_type, step, event) for home_type, procedure in PROCEDURES.items()
              for step, row in procedure.rows.items() for event in row.on}
     missed = sorted(f'{home_type}: {step} -- {event}'
