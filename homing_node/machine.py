@@ -153,7 +153,10 @@ class Machine:
         else is decided here.
         """
         limit = self._limits.get(switch)
-        if limit is None or self._both_on() or limit.role is Role.IGNORED:
+        if limit is None:
+            return
+        self._both_on()
+        if limit.role is Role.IGNORED:
             return
         if not self.stopping and self._taken_by_table(limit):
             return
@@ -271,7 +274,8 @@ class Machine:
                 return
             self._reversed = True
             self.passes.forget()
-        if event in (Event.LIMIT_AHEAD, Event.LS_RISES) and self.parameters.immediate_stop_at_ls:
+        if (event in (Event.LIMIT_AHEAD, Event.LS_RISES) and self.parameters.immediate_stop_at_ls
+                and self.profile.velocity * self.row.motion.way > 0.0):  # else it has turned
             self.profile.freeze()
         if step is HOMED:
             self.finished = True

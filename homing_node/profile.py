@@ -98,11 +98,15 @@ class Profile:
         self._to_velocity(0.0, deceleration, deceleration)
 
     def brake_harder(self, deceleration: float) -> None:
-        """Brake with at least this deceleration on the way to a stop or a reversal."""
-        target, limit = self._in.target_velocity[0], max(deceleration, self.dynamics.deceleration)
-        then = self._next or ((target, self.dynamics) if target else None)
+        """Brake with at least this deceleration on the way to a stop or a reversal.
+
+        A stop that comes meanwhile is no gentler.
+        """
+        target, old = self._in.target_velocity[0], self.dynamics
+        then = self._next or ((target, old) if target else None)
+        limit = max(deceleration, old.deceleration)
         self._to_velocity(0.0, limit, limit)
-        self._next = then
+        self._next, self.dynamics = then, old._replace(deceleration=limit)
 
     def move(self, target: float, dynamics: Dynamics) -> None:
         """Go to a position and rest there."""

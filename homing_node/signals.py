@@ -21,6 +21,8 @@ BOUNCE_TIME = 0.005
 
 #: A time and a position.
 Sample = tuple[float, float]
+#: Of a level: its time, how far that may be wrong, and whether it is a stamp.
+Change = tuple[float, float, bool]
 
 
 class Track:
@@ -231,7 +233,7 @@ class Switch:
     """
 
     __slots__ = ('input', 'inverted', 'debounce', 'level', 'seen', 'bounces',
-                 '_raw', '_first', '_last', '_heard', '_doubt', '_stamped')
+                 '_raw', '_pending', '_dropped', '_last', '_heard')
 
     def __init__(self, switch: Input, inverted: bool = False, debounce: float = 0.0) -> None:
         self.input = switch
@@ -241,14 +243,14 @@ class Switch:
         self.seen = -1e300  # arrival of the newest message
         self.bounces = 0
         self._raw: bool = False  # the newest level, believed or not
-        self._first: float | None = None  # the first change since the level was last believed
+        self._pending: Change | None = None  # the first one since the level was last believed
+        self._dropped: Change | None = None  # the last one that came to nothing
         self._last = self._heard = -1e300  # the newest change, and its arrival
-        self._doubt, self._stamped = 0.0, True
 
     @property
     def unsettled(self) -> bool:
         """Whether a change waits for its debounce."""
-        return self._first is not None
+        return self._pending is not None
 
     def set(
         self, time: float, signal: bool, arrival: float, doubt: float = 0.0,
@@ -266,10 +268,11 @@ class Switch:
         confirmed = self._confirm(time - self._last)
         if level != self._raw:
             self._raw = level
-            if self._first is not None or time - self._last < BOUNCE_TIME:
+            if self.unsettled or time - self._last < BOUNCE_TIME:
                 self.bounces += 1
-            if self._first is None:
-                self._first, self._doubt, self._stamped = time, doubt, stamped
+            if not self.unsettled:
+                goes_on = time - self._last < self.debounce  # the messages were slow, not it
+                self._pending = (goes_on and self._dropped) or (time, doubt, stamped)
             self._last, self._heard = time, arrival
         return confirmed or self._confirm(0.0)
 
@@ -286,10 +289,13 @@ class Switch:
         self._last = self._heard = -1e300
 
     def _confirm(self, lasted: float) -> Edge | None:
-        if self._first is None or lasted < self.debounce:
+        change = self._pending
+        if change is None or lasted < self.debounce:
             return None
-        first, self._first = self._first, None
+        self._pending = self._dropped = None
         if self._raw == self.level:
+            self._dropped = change
             return None
         self.level = self._raw
-        return Edge(self.input, first, self.level, self._doubt, self._stamped)
+        time, doubt, stamped = change
+        return Edge(self.input, time, self.level, doubt, stamped)

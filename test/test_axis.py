@@ -1,6 +1,7 @@
 """One axis: what it refuses, what ends a run, and what it tells."""
 
 import dataclasses
+import math
 
 import pytest
 from core_rig import (
@@ -739,6 +740,21 @@ def test_a_pause_is_not_counted_as_time():
             assert made.axis.running
             made.axis.resume()
     assert made.axis.outcome.success
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('canceled', [math.inf, 0.0605, 0.062], ids=['never', 'before', 'after'])
+def test_a_cancel_is_no_gentler_than_the_braking_for_a_limit(direction, canceled):
+    """The axis brakes behind its edge at 0.06; the limit that rises then wants it harder."""
+    one = rig('HS', homing_velocity_fast_dec=0.5, homing_velocity_fast_acc=5.0, ls_dec=8.0)
+    made = one.switched(**{LIMIT_AHEAD: SwitchLayout(0.061, 1.0)}).rehearsal(direction, 0.03)
+    assert made.axis.home(made.time) is None
+    while made.axis.running:
+        made.cycle()
+        if direction * made.plant.position > canceled:
+            made.axis.cancel()
+    assert made.axis.outcome.success == math.isinf(canceled)
+    assert furthest(made.course, direction) == pytest.approx(0.0656, abs=2e-4)
 
 
 def test_time_that_is_set_back():

@@ -1,6 +1,7 @@
 """Whole runs: the core against the simulated plant, for every type and both directions."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from core_rig import (
@@ -272,6 +273,27 @@ def test_immediate_stop(home_type, direction, immediate):
     frozen = [s for s, t in zip(course.samples, course.samples[1:], strict=False)
               if abs(s.velocity) > 0.15 and abs(t.velocity) < 0.05]
     assert bool(frozen) == immediate
+
+
+@BOTH_WAYS
+def test_an_immediate_stop_is_over_once_the_axis_has_turned(direction):
+    """The message of the near limit, which rose first, comes after the turn."""
+    one = rig('HS', immediate_stop_at_ls=True, near_ls_type='Dec').switched(
+        **{NEAR_AHEAD: SwitchLayout(0.0899, 1.0)})
+    made, near, held = one.rehearsal(direction, 0.07), on_side(NEAR_AHEAD, direction), []
+    report = made._report
+    made._report = lambda h: held.append(h) if h.input == near else report(h)
+    assert made.axis.home(made.time) is None
+    while made.axis.profile.velocity > -0.15:
+        made.cycle()
+    made._report = report
+    for happening in held:
+        made.axis.switch(Input(near), happening.time, happening.value, made.time)
+    turned = len(made.course.samples)
+    made.finish(60.0)
+    speeds = [s.velocity for s in made.course.samples[turned - 1:]]
+    assert max(abs(b - a) for a, b in pairwise(speeds)) < 0.05
+    assert_homed(made.course, TRUE_HOME['HS'], direction)
 
 
 @BOTH_WAYS
@@ -603,6 +625,22 @@ def test_both_limits_on(home_type, direction):
     course = one.home(direction)
     assert error_of(course) is Error.LimitsBothOn
     assert course.samples == []
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize('types', [
+    {'ls_type': 'ServoOff'},
+    {'ls_type': 'SlowDec', 'ls_dec': 2.0, 'ls_slow_dec': 1.0, 'external_ls_type': 'ServoOff'},
+], ids=['hardware', 'external'])
+def test_a_limit_acts_though_the_one_behind_is_stuck_on(types, direction):
+    one = rig('ZPulse', homing_velocity_slow=0.2, **types).built(index_pitch=0.0)
+    made = one.switched(**{LIMIT_BEHIND: SwitchLayout(-1, 1),
+                           EXTERNAL_AHEAD: SwitchLayout(0.092, 1)}).rehearsal(direction, 0.03)
+    course = made.home(limit=60.0)
+    assert error_of(course) is Error.LimitsBothOn
+    assert not made.axis.servo_on
+    beyond = 0.090 if types['ls_type'] == 'ServoOff' else 0.092
+    assert furthest(course, direction) == pytest.approx(beyond, abs=0.001)
 
 
 @BOTH_WAYS

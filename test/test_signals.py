@@ -300,6 +300,18 @@ def test_a_bounce_that_arrives_late_is_still_a_bounce():
     assert (edge.time, edge.rises) == (1.0, True)
 
 
+def test_a_bounce_whose_messages_come_apart_begins_at_its_first_edge():
+    """Between two of its messages passes more than the debounce, between its edges less."""
+    switch = Switch(HS, debounce=0.003)
+    switch.set(0.0, False, 0.0)
+    assert switch.set(1.0, True, 1.004, doubt=0.1, stamped=False) is None
+    assert switch.set(1.0012, False, 1.005) is None
+    assert switch.poll(1.0085) is None
+    assert switch.set(1.0024, True, 1.010) is None
+    edge = switch.poll(1.014)
+    assert (edge.time, edge.rises, edge.doubt, edge.stamped) == (1.0, True, 0.1, False)
+
+
 def test_reordered_messages_do_not_lose_the_level():
     switch = Switch(HS)
     fed(switch, (0.0, False), (2.0, True))
