@@ -8,6 +8,7 @@
 Positions in m or rad, times in s.
 """
 
+import math
 import os
 import threading
 import time
@@ -38,6 +39,11 @@ from .states import LATCHES, Input, State
 
 #: How a request is refused where an input was not heard yet; nothing has moved then.
 UNHEARD = ('no feedback yet', 'no message yet', 'nobody publishes')
+#: States that a node told before we came arrive at once, one after another: no more than so far
+#: apart, s; one that homes tells another every 0.1 s.
+APART = 0.05
+#: How often it is looked whether a node that takes its time is there still, s.
+LOOK = 1.0
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -117,10 +123,10 @@ class HomingClient:
             goal = self._wait(sent, self.discovery)
             result = goal.get_result_async()
             try:
-                answer = self._wait(result, timeout).result
+                answer = self._wait(result, timeout, client.server_is_ready).result
             except (KeyboardInterrupt, TimeoutError):
-                self._wait(goal.cancel_goal_async(), self.discovery)
-                self._wait(result, self.discovery)
+                self._wait(goal.cancel_goal_async(), self.discovery, client.server_is_ready)
+                self._wait(result, self.discovery, client.server_is_ready)
                 raise
             return Answer(answer.success, answer.message, tuple(answer.states))
 
@@ -155,14 +161,19 @@ class HomingClient:
     def state(self, axis: str) -> AxisState:
         """Return the newest state of an axis."""
         with self._changed:
-            if axis not in self._clients:
+            new = axis not in self._clients
+            if new:
                 self._clients[axis] = self.node.create_subscription(
                     AxisState, f'{self.node_name}/{axis}/state',
                     partial(self._take_state, axis), LATCHED)
             if not self._changed.wait_for(lambda: axis in self._states, self.discovery):
                 raise TimeoutError(f'no {self.node_name}/{axis}/state '
                                    f'within {self.discovery:g} s')
-            return self._states[axis]
+            state = self._states[axis]
+            while new and self._changed.wait_for(
+                    lambda known=state: self._states[axis] is not known, APART):
+                state = self._states[axis]
+            return state
 
     @contextmanager
     def record(self, axis: str, joint: str = '') -> Iterator[Course]:
@@ -208,14 +219,21 @@ class HomingClient:
         client = self._client(full, lambda: self.node.create_client(kind, full))
         if not client.wait_for_service(self.discovery):
             raise TimeoutError(f'no service {full} within {self.discovery:g} s')
-        response = self._wait(client.call_async(request), timeout)
+        response = self._wait(client.call_async(request), timeout, client.service_is_ready)
         return Answer(response.success, response.message)
 
-    def _wait(self, future: Any, timeout: float | None) -> Any:
+    def _wait(
+        self, future: Any, timeout: float | None, there: Callable[[], bool] = lambda: True
+    ) -> Any:
+        """Return a future's result; ``there`` tells whether who shall give it still is."""
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
-        if not done.wait(timeout):
-            raise TimeoutError(f'{self.node_name} did not answer within {timeout:g} s')
+        until = math.inf if timeout is None else time.monotonic() + timeout
+        while not done.wait(max(0.0, min(LOOK, until - time.monotonic()))):
+            if time.monotonic() >= until:
+                raise TimeoutError(f'{self.node_name} did not answer within {timeout:g} s')
+            if not there():
+                raise TimeoutError(f'{self.node_name} has ended, or is out of reach')
         return future.result()
 
     def _take_state(self, axis: str, message: AxisState) -> None:

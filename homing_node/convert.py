@@ -77,16 +77,19 @@ def joint_states(stamp: int, homed: Mapping[str, float]) -> JointState:
     return message
 
 
-def home_message(outcomes: Sequence[Outcome]) -> str:
-    """Tell how a request ended, as the services answer it: the first failure, or each home.
+def home_message(outcomes: Mapping[str, Outcome]) -> str:
+    """Tell how a request for some axes ended: the first failure, or the home of each.
 
     What was canceled is rather a consequence than the first failure.
     """
-    failed = [outcome for outcome in outcomes if not outcome.success]
+    failed = [outcome for outcome in outcomes.values() if not outcome.success]
     if failed:
         first = min(failed, key=lambda outcome: outcome.error is Error.Canceled)
         return _warned(f'{first.error}: {first.message}', first)
-    return 'Homed: ' + '; '.join(_warned(_home_text(one), one) for one in outcomes)
+    homes = {axis: _warned(_home_text(one), one) for axis, one in outcomes.items()}
+    if len(homes) == 1:
+        return f'Homed: {"".join(homes.values())}'
+    return 'Homed: ' + '; '.join(f'{axis}: {home}' for axis, home in homes.items())
 
 
 def _home_text(outcome: Outcome) -> str:

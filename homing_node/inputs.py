@@ -7,6 +7,7 @@ from functools import partial
 from math import isfinite
 from typing import Any
 
+from rclpy.exceptions import NameValidationException
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
@@ -14,6 +15,7 @@ from . import convert
 from .axis import Axis
 from .cdr import JointStateReader
 from .outcome import Outcome
+from .spec import InvalidParameters
 from .stamps import REORDERED, Stamps, too_late
 from .states import LATCHES, Error, Input
 from .timebase import TimeBase
@@ -29,7 +31,7 @@ Subscribe = Callable[[Any, str, Any], Any]  # (message type, topic, QoS) -> a po
 Take = Callable[[], tuple[bytes, Info] | None]  # the next message that has arrived, serialized
 
 
-@dataclass
+@dataclass(eq=False)
 class Wire:
     """One wired input of an axis; ``heard``: its present publisher has told a level."""
 
@@ -108,19 +110,29 @@ class Inputs:
     def wire(self, name: str, topics: Mapping[Input, str]) -> None:
         """Subscribe to the inputs that an axis's parameters name; '' is the input's own topic.
 
-        What stays as it is keeps its subscription: nothing it says is missed.
+        What stays as it is keeps its subscription: nothing it says is missed. Raises
+        InvalidParameters, and changes nothing, where a topic cannot be subscribed to.
         """
         p = self._axes[name].parameters
         wanted = {source: (topics.get(source) or f'~/{name}/{source}', p.inverted(source))
                   for source in p.inputs}
-        kept = {}
-        for wire in self._wires[name]:
-            if wanted.get(wire.source) == (wire.topic, wire.inverted):
-                kept[wire.source] = wire
-            else:
-                self._destroy(wire.subscription)
-        self._wires[name] = [kept.get(source) or self._connect(source, *how)
-                             for source, how in wanted.items()]
+        old = self._wires[name]
+        wires = {wire.source: wire for wire in old
+                 if wanted.get(wire.source) == (wire.topic, wire.inverted)}
+        faults = []
+        for source, (topic, inverted) in wanted.items():
+            if source in wires:
+                continue
+            try:
+                wires[source] = self._connect(source, topic, inverted)
+            except (RuntimeError, NameValidationException) as error:  # of another type, too long
+                why = str(error).partition('\n')[0]
+                faults.append(f'{name}.topics.{source}: cannot subscribe to {topic}: {why}')
+        self._wires[name] = old if faults else [wires[source] for source in wanted]
+        for wire in {*old, *wires.values()}.difference(self._wires[name]):
+            self._destroy(wire.subscription)
+        if faults:
+            raise InvalidParameters(faults)
         for wire in self._wires[name]:
             wire.stamps.limit = p.feedback_timeout
         for feed in self._feeds.values():

@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from .layout import SWITCHES, AxisLayout, layouts_from
+from .yaml_file import OnceLoader
 
 PARAMETERS = 'ros__parameters'
 
@@ -39,17 +40,8 @@ class LayoutFile:
     dead_time: float | None = None
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML without its surprises: y and no are names, 1e-3 is a number, no name stands twice."""
-
-    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        node = super().compose_mapping_node(anchor)
-        names = [key.value for key, _ in node.value]
-        for n, (key, _) in enumerate(node.value):
-            if key.value in names[:n]:
-                raise yaml.composer.ComposerError(
-                    problem=f'{key.value} stands there twice', problem_mark=key.start_mark)
-        return node
+class _Loader(OnceLoader):
+    """YAML without its surprises: y and no are names, 1e-3 is a number."""
 
 
 _Loader.yaml_implicit_resolvers = {
@@ -77,13 +69,16 @@ class _Reader:
         for key, value in node.value:
             axis, dot, rest = str(key.value).partition('.')
             line = key.start_mark.line + 1
+            if rest == 'joint' and not plain:
+                continue
             if dot and not plain:  # x.lag: is lag: below x:
                 self._own(axis)[rest] = loader.construct_object(value, deep=True)
                 self.lines[axis, rest] = line
             elif isinstance(value, yaml.MappingNode):
                 self._own(axis).update(
                     (str(name), one) for name, one
-                    in loader.construct_mapping(value, deep=True).items())
+                    in loader.construct_mapping(value, deep=True).items()
+                    if plain or name != 'joint')
                 self.lines |= {(axis, str(name.value)): name.start_mark.line + 1
                                for name, _ in value.value}
             elif plain:

@@ -40,7 +40,7 @@ class Services:
 
         async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             outcomes = await self._home(names, owner)
-            response.success = all(outcome.success for outcome in outcomes)
+            response.success = all(outcome.success for outcome in outcomes.values())
             response.message = convert.home_message(outcomes)
             return response
 
@@ -93,7 +93,7 @@ class Services:
         self._reports.unfollow(goal)
         canceled = goal.is_cancel_requested
         self._goals.pop(key, None)
-        success = all(outcome.success for outcome in outcomes)
+        success = all(outcome.success for outcome in outcomes.values())
         if success:
             goal.succeed()
         elif canceled:
@@ -114,17 +114,17 @@ class Services:
 
     async def _home(
         self, names: Sequence[str], owner: str, key: bytes = b'', canceled: bool = False
-    ) -> list[Outcome]:
-        """Home some axes and return how each of them ended, or why none was started."""
+    ) -> dict[str, Outcome]:
+        """Home some axes and return how each of them ended, or by '' why none was started."""
         if canceled:
-            return [Outcome(Error.Canceled, 'canceled before anything moved')]
+            return {'': Outcome(Error.Canceled, 'canceled before anything moved')}
         with self._lock:
             self._poll()
             started = self._dispatch.home(names, owner, self._timebase.polled)
             if isinstance(started, Outcome):
-                return [started]
+                return {'': started}
             answer = self._dispatch.answer(started)
             if key:
                 self._goals[key] = started
         await answer
-        return list(started.outcomes.values())
+        return {name: started.outcomes[name] for name in started.names}

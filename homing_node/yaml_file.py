@@ -88,7 +88,20 @@ class _Fault(Exception):
         super().__init__(f'{line}: {text}')
 
 
-class _Loader(yaml.SafeLoader):
+class OnceLoader(yaml.SafeLoader):
+    """YAML where no name stands twice; elsewhere the last one would win unseen."""
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        names = [key.value for key, _ in node.value]
+        for n, (key, _) in enumerate(node.value):
+            if key.value in names[:n]:
+                raise yaml.composer.ComposerError(
+                    problem=f'{key.value} stands there twice', problem_mark=key.start_mark)
+        return node
+
+
+class _Loader(OnceLoader):
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
             line = self.get_event().start_mark.line + 1  # type: ignore[no-untyped-call]

@@ -708,6 +708,9 @@ BETWEEN = (
             'test_node_loss.py::test_a_driver_that_came_back_has_to_tell_the_levels'),
     Between('24', 'two publishers of one switch', '`PublisherConflict`, naming both nodes',
             'test_node_services.py::test_two_publishers_of_a_switch'),
+    Between('35', 'the node dies while an axis homes',
+            'the drive stops by itself; a new node knows no home and moves nothing',
+            'test_node_faults.py::test_the_node_is_killed'),
     Between('37', 'two clients at once', '`Busy`, naming what runs',
             'test_node_services.py::test_busy_and_meanwhile_everything_else_answers'),
     Between('39', 'a parameter is set during the run', 'refused, with the reason',
@@ -719,9 +722,8 @@ ELSEWHERE = {
     '33': 'Drift by temperature: the node keeps nothing between runs, so nothing can be out of '
           'date. Every run measures the margin between switch and index and warns before it is '
           'used up (`index_margin`).',
-    '35': '',
     '36': 'Power lost while a record is written: the node writes no record and trusts none. A '
           'restarted node knows no home.',
-    '41': 'A gantry with one of its switches on at the start: two coupled motors are one axis '
-          'here, and an axis has one home switch.',
+    '41': 'A gantry with one of its switches on at the start: an axis here has one '
+          'home switch; two coupled motors are two axes, and nothing watches their skew.',
 }

@@ -604,6 +604,19 @@ def test_where_an_error_is_found_a_run_fails(case):
     assert any(not trial.success or (trial.off and abs(trial.off) > 1e-4) for trial in trials)
 
 
+@pytest.mark.parametrize(('bound', 'error'), [
+    ('max_hs_on_at_start_reverse_distance', 'MaxHSOnAtStartRevDistanceTraveled'),
+    ('max_search_distance', 'SearchDistanceExceeded')])
+def test_a_finding_names_the_error_that_a_run_ends_with(bound, error):
+    case = next(case for case in WITH if case.check == 'hs-reverse-bound')
+    parameters, layout = case.built()
+    parameters = replace(parameters, **{
+        'max_hs_on_at_start_reverse_distance': 0.0, 'max_search_distance': 0.0, bound: 0.01})
+    texts = [one.text for one in check_axis('x', parameters, layout)
+             if one.check == 'hs-reverse-bound']
+    assert [error in text for text in texts] == [True]
+
+
 # -------------------------------------------------------------------------------------- in general
 
 

@@ -198,6 +198,14 @@ MALFORMED = {
 }
 
 
+def test_a_name_that_stands_twice(tmp_path):
+    """The node would take the last one, unseen."""
+    path = tmp_path / 'axes.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    a: 1\n    a: 2\n')
+    with pytest.raises(InvalidParameters, match=':4: a stands there twice'):
+        load(path)
+
+
 @pytest.mark.parametrize('name', MALFORMED)
 def test_malformed_file(tmp_path, name):
     data, line, text = MALFORMED[name]

@@ -76,15 +76,18 @@ def test_numbers_are_cast():
 
 def test_home_message():
     homed = Outcome(Error.NoError, '', 0.123456789123, -0.5, 1.23456e-5)
-    assert convert.home_message([homed]) == (
+    assert convert.home_message({'x': homed}) == (
         'Homed: home_position_raw=0.123456789123 home_offset=-0.5 uncertainty=1.23e-05')
     failed = Outcome(Error.LSTriggered, 'axis x: …')
     canceled = Outcome(Error.Canceled, 'axis y: …')
-    assert convert.home_message([homed, canceled, failed]) == 'LSTriggered: axis x: …'
-    assert convert.home_message([homed, canceled]) == 'Canceled: axis y: …'
-    assert convert.home_message([homed, homed]).count('home_position_raw=') == 2
+    outcomes = {'z': homed, 'y': canceled}
+    assert convert.home_message(outcomes) == 'Canceled: axis y: …'
+    assert convert.home_message({**outcomes, 'x': failed}) == 'LSTriggered: axis x: …'
+    both = convert.home_message({'x': homed, 'y': homed})
+    assert both.startswith('Homed: x: home_position_raw=0.12')
+    assert '; y: home_position_raw=0.12' in both
     warned = Outcome(Error.LSTriggered, 'axis x: …', warnings=('it bounced',))
-    assert convert.home_message([warned]) == 'LSTriggered: axis x: … | warning: it bounced'
+    assert convert.home_message({'x': warned}) == 'LSTriggered: axis x: … | warning: it bounced'
 
 
 def test_axis_state(axis):

@@ -59,7 +59,8 @@ def test_dotted_names_as_ros_reads_them(tmp_path):
   ros__parameters:
     x.hard_stops: [0.0, 0.2]
     x.lag: 0.01
-    x: {start: 0.1}
+    x: {start: 0.1, joint: x_joint}
+    x.joint: x_joint
 """)
     assert (found.layouts['x'].lag, found.layouts['x'].start) == (0.01, 0.1)
 

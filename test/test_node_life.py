@@ -34,6 +34,9 @@ def fault_cases():
             {**described(), 'qos_overrides': {'/homing_node/x/home_switch': {'subscription': {
                 'durablity': 'transient_local', 'depth': -1}}}},
             ["did you mean 'durability'", 'depth: -1']),
+        'a topic of another type': (
+            described(topics={'home_switch': '/joint_states'}),
+            ['x.topics.home_switch: cannot subscribe to /joint_states: ']),
         'unquoted y': (
             '/**:\n  ros__parameters:\n    axes: [x, y]\n',
             ['params', 'unquoted', "'y'"]),

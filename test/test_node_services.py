@@ -10,6 +10,8 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from homing_node.client import HomingClient
+
 #: An axis that searches for 16 s unless it is stopped.
 LONG = {'hard_stops': [-0.005, 1.005], 'positive_limit_switch': [1.0, 1.2],
         'home_switch': [0.9, 0.91], 'start': 0.1}
@@ -406,3 +408,27 @@ def test_a_parameter_takes_effect_at_the_next_run(client, setpoints):
 def test_the_topic_of_an_input_can_be_set(client):
     assert client.set(deaf__topics__home_switch='').successful
     assert client.home('deaf')['deaf'].success
+
+
+@pytest.mark.parametrize('topic', ['/joint_states', '/homing_node/setpoints', 'l' * 300])
+def test_a_topic_that_cannot_be_subscribed_to(client, setpoints, topic):
+    """Its axis homes no more; the others go on."""
+    client.start('long')
+    ros.at_speed(client, setpoints, 'long')
+    assert client.set(two__topics__home_switch=topic).successful
+    answer = client.trigger('two/home')
+    assert answer.message.startswith('InvalidParameter: two.topics.home_switch: cannot '), answer
+    assert client.set(two__topics__home_switch='').successful
+    client.pass_time(0.1)
+    assert ros.course_of(setpoints, 'long')[-1].velocity > 0.0499
+    client.trigger('long/cancel')
+    ros.assert_stopped(client, setpoints, 'long', 0.5)
+    assert client.home('two')['two'].success
+
+
+def test_a_script_reads_the_newest_state(client, world, monkeypatch):
+    """Not the first of those that the node told before."""
+    assert client.home('two')['two'].success
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(world.domain.number))
+    with HomingClient() as homing:
+        assert homing.state('two').homed
