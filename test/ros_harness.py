@@ -300,9 +300,9 @@ class Client:
         self.until(look, timeout, f'homing of {axes}')
         return answers
 
-    def asking_to_home(self, axis, *passed_over, again=None):
+    def asking_to_home(self, axis, *passed_over, again=None, unheard=UNHEARD):
         return Asking(lambda: self.send(Trigger, f'{axis}/home'), again or self._drops(),
-                      (*UNHEARD, *passed_over))
+                      (*unheard, *passed_over))
 
     def _drops(self):
         """Return what tells whether an answer was dropped since it was asked last."""

@@ -23,7 +23,6 @@ from homing_interfaces.action import Home
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.action import get_action_names_and_types
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-from std_srvs.srv import Trigger
 
 from homing_node import layout_file
 from homing_node.cli import main
@@ -415,27 +414,17 @@ def test_latching_driver(block, overridden, tmp_path):
     client.watch(node)
     try:
         heard = client.record_states('x')
-        answers = []
-
-        def answered(*passed_over):
-            """Return the first answer to a home request that is none of these."""
-            if not answers:
-                answers.append(client.send(Trigger, 'x/home'))
-            if answers[0].done():
-                message = answers.pop().result().message
-                return None if message.startswith(passed_over) else message
-            return None
-
         if overridden:
-            moves = client.until(lambda: answered(*ros.UNHEARD) or any(
+            asking = client.asking_to_home('x')
+            moves = client.until(lambda: asking.answer() or any(
                 h.message.state == 'HSSearch' for h in heard))
             assert moves is True
             client.trigger('x/cancel')
-            assert client.answer(answers[0]).message.startswith('Canceled: ')
+            assert client.answer(asking.last).message.startswith('Canceled: ')
         else:
             for _ in range(2):
-                answer = client.until(lambda: answered('FeedbackStale'))
-                assert answer.startswith('SwitchUnknown: ')
+                asking = client.asking_to_home('x', 'FeedbackStale', unheard=())
+                assert client.until(asking.answer).message.startswith('SwitchUnknown: ')
                 client.pass_time(0.3)
     finally:
         client.watch()
