@@ -87,9 +87,9 @@ def home_message(outcomes: Mapping[str, Outcome]) -> str:
         first = min(failed, key=lambda outcome: outcome.error is Error.Canceled)
         return _warned(f'{first.error}: {first.message}', first)
     homes = {axis: _warned(_home_text(one), one) for axis, one in outcomes.items()}
-    if len(homes) == 1:
-        return f'Homed: {"".join(homes.values())}'
-    return 'Homed: ' + '; '.join(f'{axis}: {home}' for axis, home in homes.items())
+    several = len(homes) > 1
+    return 'Homed: ' + '; '.join(
+        f'{axis}: {home}' if several else home for axis, home in homes.items())
 
 
 def _home_text(outcome: Outcome) -> str:

@@ -7,7 +7,6 @@ from functools import partial
 from math import isfinite
 from typing import Any
 
-from rclpy.exceptions import NameValidationException
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
@@ -27,7 +26,8 @@ UNSTAMPED = 2.0
 MANY_FEEDS = 100
 
 Info = Mapping[str, int]  # what the middleware tells of a message
-Subscribe = Callable[[Any, str, Any], Any]  # (message type, topic, QoS) -> a polled subscription
+#: (message type, topic, QoS) -> a polled subscription; raises ValueError where there can be none.
+Subscribe = Callable[[Any, str, Any], Any]
 Take = Callable[[], tuple[bytes, Info] | None]  # the next message that has arrived, serialized
 
 
@@ -125,9 +125,8 @@ class Inputs:
                 continue
             try:
                 wires[source] = self._connect(source, topic, inverted)
-            except (RuntimeError, NameValidationException) as error:  # of another type, too long
-                why = str(error).partition('\n')[0]
-                faults.append(f'{name}.topics.{source}: cannot subscribe to {topic}: {why}')
+            except ValueError as error:
+                faults.append(f'{name}.topics.{source}: {error}')
         self._wires[name] = old if faults else [wires[source] for source in wanted]
         for wire in {*old, *wires.values()}.difference(self._wires[name]):
             self._destroy(wire.subscription)

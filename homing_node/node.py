@@ -20,6 +20,7 @@ from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
@@ -102,9 +103,13 @@ class HomingNode(ConfiguredNode):
         polled = Polled()
 
         def subscribe(kind: Any, topic: str, qos: Any) -> Any:
-            return self.create_subscription(
-                kind, topic, _never_called, qos, callback_group=polled,
-                qos_overriding_options=OVERRIDABLE)
+            try:
+                return self.create_subscription(
+                    kind, topic, _never_called, qos, callback_group=polled,
+                    qos_overriding_options=OVERRIDABLE)
+            except (RuntimeError, NameValidationException) as error:  # another type; too long
+                why = str(error).partition('\n')[0].rstrip(':')
+                raise ValueError(f'cannot subscribe to {topic}: {why}') from None
 
         self._inputs = Inputs(self._axes, self._joints, self._timebase, subscribe,
                               self.destroy_subscription, BEST_EFFORT, self._hold_up)

@@ -6,7 +6,7 @@ from math import isfinite
 from ..events import Event
 from ..motions import Bound, Kind, Pace, Way
 from ..procedures import HOME_SHIFT, Row, Step
-from ..states import LATCHES, Error, HomeType, IndexMarginAction, Input, Role
+from ..states import LATCHES, HomeType, IndexMarginAction, Input, Role
 from .finding import Finding, Severity, up
 from .geometry import Flag, arming_edge, index_pulse, place_of
 from .placed import SIDES, Placed
@@ -91,8 +91,6 @@ class Bounds(Placed):
                 row.bound is not Bound.HS_ON_AT_START for _, row in self.searches):
             return
         name, bound = self._bound(Bound.HS_ON_AT_START)
-        error = (Error.MaxHSOnAtStartRevDistanceTraveled
-                 if self.p.max_hs_on_at_start_reverse_distance else Error.SearchDistanceExceeded)
         # On a limit switch ahead a run begins with the reversal.
         begin = min([home.high, self.at.stops[Way.TOWARD], *self.first_limits(Way.TOWARD)])
         width = begin + home.leaves(Way.AWAY)
@@ -101,7 +99,7 @@ class Bounds(Placed):
                 Severity.error, 'hs-reverse-bound',
                 f'{name} is {bound:g} m, but from the far end of the home switch it is '
                 f'{width:.4g} m to where it falls',
-                f'a good switch is taken for one that is stuck ({error})', name, bound,
+                f'a good switch is taken for one that is stuck ({Bound(name).error})', name, bound,
                 up(1.05 * width))
 
     def first_search(self) -> Iterator[Finding]:
