@@ -136,49 +136,6 @@ def test_a_message_is_not_to_blame_for_our_own_hold_up(
     assert text in cell.axis.outcome.message
 
 
-@pytest.mark.parametrize('step', [3600.0, 0.3, -0.3, -3600.0])
-@pytest.mark.parametrize('polled', [False, True], ids=['before the poll', 'within it'])
-def test_a_step_of_the_system_clock_since_the_cycle_began(monkeypatch, step, polled):
-    """Feedback that comes in a poll is no later than the poll, and what follows is taken."""
-    monotonic, system = [1000.0], [1.7e9]
-    monkeypatch.setattr(time, 'monotonic', lambda: monotonic[0])
-    monkeypatch.setattr(time, 'time_ns', lambda: round(system[0] * 1e9))
-    fed = Fed(TimeBase(), x=0.1)
-    axis = fed.axes['x']
-
-    def say(position):
-        stamp = round(system[0] * 1e9)
-        fed.feedback.waiting.append((
-            serialize_message(JointState(name=['x'], position=[position])),
-            {'source_timestamp': stamp, 'received_timestamp': stamp}))
-
-    def pass_time():
-        monotonic[0] += 0.002
-        system[0] += 0.002
-
-    relate = fed.clock.relate
-
-    def step_within():
-        relate()
-        fed.clock.relate = relate
-        system[0] += step
-        say(1.0)
-
-    if polled:
-        fed.clock.relate = step_within
-    else:
-        system[0] += step
-        say(1.0)
-    fed.inputs.poll()
-    assert axis.arrival <= monotonic[0]
-    for position in range(2, 5):
-        pass_time()
-        say(position)
-        fed.inputs.poll()
-    assert axis.position == 4.0
-    assert axis.arrival == pytest.approx(monotonic[0], abs=1e-6)
-
-
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 NEAR = st.floats(0.0, 0.1)
 TIMES = st.sampled_from([0.0, 0.0, -0.001, -0.05, -0.3, -3600.0, 0.5, 3600.0, 1e9])
@@ -244,6 +201,7 @@ class Fed:
         self.axes = {name: Axis(name, rig('HS', feedback_timeout=timeout).parameters(), 0.004)
                      for name, timeout in timeouts.items()}
         self.clock = clock or Clock()
+        self.topics = {}
         self.inputs = Inputs(self.axes, {name: name for name in self.axes}, self.clock,
                              self._subscribe, lambda _: None, 10, lambda _: '')
         for name in self.axes:
@@ -251,8 +209,7 @@ class Fed:
 
     def _subscribe(self, kind, topic, _):
         made = Subscription(kind, topic)
-        if topic == 'joint_states':
-            self.feedback = made
+        self.topics[topic.rpartition('/')[2]] = made
         return made
 
     def say(self, age=0.0, later=0.004, **positions):
@@ -260,7 +217,7 @@ class Fed:
         self.clock.now += later
         now = round(self.clock.now * 1e9)
         stamp = now - round(age * 1e9)
-        self.feedback.waiting.append((
+        self.topics['joint_states'].waiting.append((
             serialize_message(JointState(name=list(positions), position=positions.values())),
             {'source_timestamp': stamp, 'received_timestamp': now}))
         self.inputs.poll()
@@ -326,3 +283,85 @@ def test_lists_of_joints_without_end_are_not_kept():
     for number in range(3 * MANY_FEEDS):
         assert fed.say(x=0.0, **{f'other_{number}': 0.0}) == ('x', 'x')
     assert len(fed.inputs._feeds) <= MANY_FEEDS
+
+
+# -- the clocks of the computer -------------------------------------------------------------------
+
+class Computer:
+    """The clocks of a computer, and one axis whose messages they stamp."""
+
+    def __init__(self, monkeypatch):
+        self.monotonic, self.system = 1000.0, 1.7e9
+        monkeypatch.setattr(time, 'monotonic', lambda: self.monotonic)
+        monkeypatch.setattr(time, 'time_ns', lambda: round(self.system * 1e9))
+        self.fed = Fed(TimeBase(), x=0.1)
+        self.axis = self.fed.axes['x']
+
+    def pass_time(self, seconds):
+        self.monotonic += seconds
+        self.system += seconds
+
+    def say(self, topic, message):
+        stamp = round(self.system * 1e9)
+        self.fed.topics[topic].waiting.append((
+            serialize_message(message), {'source_timestamp': stamp, 'received_timestamp': stamp}))
+
+    def move(self, position):
+        self.say('joint_states', JointState(name=['x'], position=[position]))
+
+    def poll(self, meanwhile=lambda: None):
+        """Poll; something happens when it has just begun."""
+        clock, relate = self.fed.clock, self.fed.clock.relate
+
+        def begin():
+            relate()
+            clock.relate = relate
+            meanwhile()
+
+        clock.relate = begin
+        self.fed.inputs.poll()
+
+
+@pytest.mark.parametrize('step', [3600.0, 0.3, -0.3, -3600.0])
+@pytest.mark.parametrize('begun', [False, True], ids=['before the poll', 'within it'])
+@pytest.mark.parametrize('told', [False, True], ids=['then a message', 'after a message'])
+def test_the_system_clock_steps(monkeypatch, step, begun, told):
+    """Feedback is no later than it was taken, and what follows is believed."""
+    computer = Computer(monkeypatch)
+
+    def happen():
+        if told:
+            computer.move(1.0)
+        computer.system += step
+        if not told:
+            computer.move(1.0)
+
+    if begun:
+        computer.poll(happen)
+    else:
+        happen()
+        computer.poll()
+    assert computer.axis.arrival <= computer.monotonic
+    for position in range(2, 5):
+        computer.pass_time(0.002)
+        computer.move(position)
+        computer.poll()
+    assert computer.axis.position == 4.0
+    assert computer.axis.arrival == pytest.approx(computer.monotonic, abs=1e-6)
+
+
+@pytest.mark.parametrize('topic, message', [
+    ('joint_states', JointState(name=['x'], position=[1.0])), ('home_switch', Bool(data=True))],
+    ids=['feedback', 'switch'])
+def test_a_message_that_comes_in_a_poll_that_takes_long_is_believed(monkeypatch, topic, message):
+    computer, taken = Computer(monkeypatch), []
+    computer.axis.feedback = computer.axis.switch = lambda *told: taken.append(told)
+
+    def happen():
+        computer.pass_time(0.005)
+        computer.say(topic, message)
+
+    computer.poll(happen)
+    (*_, arrival, doubt), = taken
+    assert arrival == pytest.approx(computer.monotonic, abs=1e-6)
+    assert doubt == 0.0
