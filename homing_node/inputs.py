@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
 from . import convert
+from .arrivals import Arrivals
 from .axis import Axis
 from .cdr import JointStateReader
 from .outcome import Outcome
@@ -81,8 +82,9 @@ class Feed:
 class Inputs:
     """All inputs of all axes.
 
-    ``feedback_qos`` is the QoS of `joint_states`; ``destroy`` undoes ``subscribe``; ``hold_up``
-    tells of a cycle that is so late that the run ends for it, and returns '' for any other.
+    ``feedback_qos`` is the QoS of `joint_states`; ``destroy`` undoes ``subscribe``; ``arrivals``
+    waits for the wired inputs; ``hold_up`` tells of a cycle that is so late that the run ends for
+    it, and returns '' for any other.
     """
 
     def __init__(
@@ -93,11 +95,13 @@ class Inputs:
         subscribe: Subscribe,
         destroy: Callable[[Any], object],
         feedback_qos: Any,
+        arrivals: Arrivals,
         hold_up: Callable[[float], str],
     ) -> None:
         self._axes = axes
         self._clock = clock
         self._subscribe, self._destroy = subscribe, destroy
+        self._arrivals = arrivals
         self._hold_up = hold_up
         self._by_joint = {joint: axes[axis] for axis, joint in joints.items()}
         self._feeds: dict[tuple[str, ...], Feed] = {}  # by the names of a message
@@ -128,6 +132,8 @@ class Inputs:
             except ValueError as error:
                 faults.append(f'{name}.topics.{source}: {error}')
         self._wires[name] = old if faults else [wires[source] for source in wanted]
+        self._arrivals.watch(
+            wire.subscription for wires_of_axis in self._wires.values() for wire in wires_of_axis)
         for wire in {*old, *wires.values()}.difference(self._wires[name]):
             self._destroy(wire.subscription)
         if faults:
@@ -145,14 +151,17 @@ class Inputs:
     def poll(self) -> None:
         """Give every message that has arrived to its axis, the feedback last."""
         self._clock.relate()
-        for name, wires in self._wires.items():
-            for wire in wires:
-                while (taken := wire.take()) is not None:
-                    self._take(self._axes[name], wire, *taken)
+        if self._arrivals.expected:
+            self._arrivals.looked(self._take_wired())
         while (taken := self._next_emergency_stop()) is not None:
             self._take_emergency_stop(*taken)
         while (taken := self._next_feedback()) is not None:
             self._take_feedback(*taken)
+
+    def poll_all(self) -> None:
+        """Poll, and look for messages that ``arrivals`` may not have noticed yet, too."""
+        self._arrivals.expect()
+        self.poll()
 
     def unready(
         self, name: str, publishers_of: Callable[[str], list[str]]
@@ -190,6 +199,16 @@ class Inputs:
                     wire.heard = False  # whoever comes next has to tell the level
                     if axis.running:
                         axis.stop(Error.SwitchStale, f'{wire.name} lost its publisher')
+
+    def _take_wired(self) -> bool:
+        """Take the messages of the wired inputs; return whether there was any."""
+        found = False
+        for name, wires in self._wires.items():
+            for wire in wires:
+                while (taken := wire.take()) is not None:
+                    self._take(self._axes[name], wire, *taken)
+                    found = True
+        return found
 
     def _take(self, axis: Axis, wire: Wire, data: bytes, info: Info) -> None:
         """Give a message of an input to the axis."""

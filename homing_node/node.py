@@ -1,8 +1,9 @@
 """The homing node: topics, services and parameters around the axes.
 
-Three threads. The *cycle* polls the inputs, updates the axes and publishes setpoints on a fixed
-grid. The *executor* (the main thread) answers services and parameters. The *reports* publish what
-others watch. ``_lock`` guards the axes; nothing is published or waited for while it is held.
+Four threads. The *cycle* polls the inputs, updates the axes and publishes setpoints on a fixed
+grid. The *arrivals* wait for inputs that seldom change and tell the cycle to look. The *executor*
+(the main thread) answers services and parameters. The *reports* publish what others watch.
+``_lock`` guards the axes; nothing is published or waited for while it is held.
 """
 
 import gc
@@ -31,6 +32,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from . import convert
+from .arrivals import Arrivals
 from .axis import Axis, Setpoint
 from .cdr import TrajectoryWriter
 from .configuration import SetpointInterface, home_sequence
@@ -111,8 +113,11 @@ class HomingNode(ConfiguredNode):
                 why = str(error).partition('\n')[0].rstrip(':')
                 raise ValueError(f'cannot subscribe to {topic}: {why}') from None
 
+        self._arrivals = Arrivals(
+            self.context, self.create_guard_condition(_never_called, polled))
         self._inputs = Inputs(self._axes, self._joints, self._timebase, subscribe,
-                              self.destroy_subscription, BEST_EFFORT, self._hold_up)
+                              self.destroy_subscription, BEST_EFFORT, self._arrivals,
+                              self._hold_up)
         for name in self._axes:
             self._inputs.wire(name, self.topics_of(name))
         self._dispatch = Dispatch(self._axes, checked.home_sequence, self._unready)
@@ -144,7 +149,7 @@ class HomingNode(ConfiguredNode):
     def _create_services(self) -> None:
         group = ReentrantCallbackGroup()
         services = Services(
-            self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll)
+            self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll_all)
 
         def serve(kind: Any, name: str, callback: Any) -> None:
             self.create_service(kind, name, callback, callback_group=group)
@@ -213,7 +218,8 @@ class HomingNode(ConfiguredNode):
         gc.collect()
         gc.freeze()  # what is there now stays: a full collection need not look at it (15 ms)
         ended = self.finished.is_set
-        loops = {'cycle': self._cycle_loop, 'reports': self._reports.run}
+        loops = {'cycle': self._cycle_loop, 'arrivals': self._arrivals.run,
+                 'reports': self._reports.run}
         self._threads = [
             threading.Thread(target=self._guarded, args=(name, loop, ended), name=name)
             for name, loop in loops.items()]

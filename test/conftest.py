@@ -13,8 +13,8 @@ settings.register_profile('fuzz', deadline=None, max_examples=1500, suppress_hea
 settings.load_profile('fuzz' if os.environ.get('HOMING_FUZZ') else 'quick')
 
 #: Files that start processes or look at a clock.
-TIMED = ('test_bench', 'test_cli', 'test_client', 'test_docs', 'test_node_', 'test_reports',
-         'test_timebase')
+TIMED = ('test_arrivals', 'test_bench', 'test_cli', 'test_client', 'test_docs', 'test_node_',
+         'test_reports', 'test_timebase')
 #: Its last test looks back at all the others.
 WHOLE = 'test_homing.py'
 

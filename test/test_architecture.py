@@ -26,7 +26,7 @@ PURE = {
     'collections', 'dataclasses', 'difflib', 'enum', 'functools', 'itertools', 'math', 're',
     'statistics', 'types', 'typing'}
 #: The ROS shell: the only modules that know ROS.
-SHELL = {'node', 'configured_node', 'inputs', 'services', 'reports', 'convert', 'cdr',
+SHELL = {'node', 'configured_node', 'inputs', 'arrivals', 'services', 'reports', 'convert', 'cdr',
          'simulation_node', 'client'}
 #: What the node uses besides the core and its own shell.
 OF_THE_NODE = {'timebase', 'check', 'layout'}

@@ -37,6 +37,24 @@ class Subscription:
         return 1
 
 
+class Arrivals:
+    """Lets every poll look, unless the test says otherwise."""
+
+    def __init__(self):
+        self.expected = True
+        self.watched = []
+        self.found = []
+
+    def expect(self):
+        self.expected = True
+
+    def watch(self, subscriptions):
+        self.watched = list(subscriptions)
+
+    def looked(self, found):
+        self.found.append(found)
+
+
 class Clock:
     """What the test says that it is."""
 
@@ -63,9 +81,9 @@ class Cell:
     def __init__(self, home_type):
         self.axis = Axis('x', rig(home_type).parameters(), self.PERIOD)
         self.topics = {}
-        self.clock = Clock()
+        self.clock, self.arrivals = Clock(), Arrivals()
         self.inputs = Inputs({'x': self.axis}, {'x': 'x'}, self.clock, self._subscribe,
-                             lambda _: None, 10, self._hold_up)
+                             self._destroy, 10, self.arrivals, self._hold_up)
         self.inputs.wire('x', {})
         self.last = None
         for source in self.axis.parameters.inputs:
@@ -79,6 +97,9 @@ class Cell:
         name = topic.rpartition('/')[2]
         self.topics[name] = Subscription(kind, topic)
         return self.topics[name]
+
+    def _destroy(self, subscription):
+        assert subscription not in self.arrivals.watched
 
     @staticmethod
     def _hold_up(late):
@@ -192,6 +213,49 @@ def test_any_messages_in_any_order(home_type, events):
     assert cell.last is None
 
 
+# -- when it is looked for messages ---------------------------------------------------------------
+
+def test_what_waits_for_messages_is_told_what_looking_finds():
+    cell = Cell('HSHS')
+    cell.arrivals.found.clear()
+    cell.cycle()
+    cell.say('home_switch', Bool(data=True))
+    cell.cycle()
+    cell.cycle()
+    assert cell.arrivals.found == [False, True, False]
+
+
+def test_feedback_and_emergency_stop_are_not_waited_for():
+    cell = Cell('HSHS')
+    cell.arrivals.expected = False
+    cell.say('joint_states', JointState(name=['x'], position=[0.06]))
+    cell.say('emergency_stop', Bool(data=True))
+    cell.say('home_switch', Bool(data=True))
+    cell.cycle()
+    left = {topic for topic, subscription in cell.topics.items() if subscription.waiting}
+    assert left == {'home_switch'}
+    assert cell.axis.position == 0.06
+    assert cell.axis.error is Error.EmergencyStop
+
+
+def test_a_request_does_not_wait_for_messages():
+    cell = Cell('HSHS')
+    cell.arrivals.expected = False
+    cell.say('home_switch', Bool(data=True))
+    cell.inputs.poll_all()
+    assert cell.topics['home_switch'].waiting == []
+
+
+def test_all_that_is_wired_is_waited_for():
+    cell = Cell('HSHS')
+    old = cell.topics['home_switch']
+    cell.inputs.wire('x', {Input.HOME_SWITCH: '/other'})
+    assert old not in cell.arrivals.watched
+    assert {one.topic_name for one in cell.arrivals.watched} == {'/other', *(
+        f'~/x/{source}' for source in cell.axis.parameters.inputs
+        if source is not Input.HOME_SWITCH)}
+
+
 # -- whose joints come together -------------------------------------------------------------------
 
 class Fed:
@@ -203,7 +267,7 @@ class Fed:
         self.clock = clock or Clock()
         self.topics = {}
         self.inputs = Inputs(self.axes, {name: name for name in self.axes}, self.clock,
-                             self._subscribe, lambda _: None, 10, lambda _: '')
+                             self._subscribe, lambda _: None, 10, Arrivals(), lambda _: '')
         for name in self.axes:
             self.inputs.wire(name, {})
 
