@@ -10,7 +10,7 @@ ROS_SHELL := $(patsubst %,homing_node/%.py,node configured_node inputs arrivals 
              client simulation_node)
 TYPED := $(filter-out $(ROS_SHELL),$(wildcard homing_node/*.py homing_node/*/*.py))
 
-# Tests that need no ROS share the cores; the others then run alone, one after another.
+# What looks at a clock goes to one worker; the rest gives way to it (test/conftest.py).
 WORKERS := --numprocesses auto --maxprocesses 4 --no-loadscope-reorder
 
 # A ROS installation that happens to be sourced must not leak into .venv.

@@ -19,19 +19,29 @@ TIMED = ('test_arrivals', 'test_bench', 'test_cli', 'test_client', 'test_docs', 
 WHOLE = 'test_homing.py'
 
 
+def timed(file):
+    return file.startswith(TIMED)
+
+
 def pytest_collection_modifyitems(items):
-    """Put the timed tests last."""
-    items.sort(key=lambda item: item.path.name.startswith(TIMED))
+    """Put the timed tests first: they take longest."""
+    items.sort(key=lambda item: not timed(item.path.name))
+
+
+def pytest_runtest_setup(item):
+    """Let a worker give way at once to the timed tests, and to their processes, of another."""
+    if hasattr(item.config, 'workerinput') and not timed(item.path.name):
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Let workers share the tests; the timed ones all go to one, and nothing runs beside them."""
+    """Let workers share the tests; the timed ones all go to one."""
     from xdist.scheduler import LoadScopeScheduling
 
     class Scheduling(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             file = nodeid.partition('::')[0].rpartition('/')[2]
-            return 'timed' if file.startswith(TIMED) else file if file == WHOLE else nodeid
+            return 'timed' if timed(file) else file if file == WHOLE else nodeid
 
     return Scheduling(config, log)
