@@ -144,7 +144,8 @@ class HomingNode(ConfiguredNode):
             joint_states=self.create_publisher(JointState, '~/joint_states', 10),
             diagnostics=self.create_publisher(DiagnosticArray, '/diagnostics', 1))
         self._reports = Reports(
-            self._axes, self._joints, publishers, self._ros_time, self._lock, self.get_name())
+            self._axes, self._joints, publishers, self._ros_time, self._lock, self.get_name(),
+            self.get_logger())
 
     def _create_services(self) -> None:
         group = ReentrantCallbackGroup()

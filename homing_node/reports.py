@@ -1,4 +1,4 @@
-"""What others watch of the axes: states, the wanted servo, homed joint states, diagnostics.
+"""What others watch of the axes: states, the wanted servo, homed joints, diagnostics, the log.
 
 The cycle queues, a thread of its own publishes: a slow reader never delays a setpoint.
 """
@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from operator import itemgetter
 from queue import Empty, Queue
 from typing import Any, NamedTuple
@@ -15,6 +16,8 @@ from std_msgs.msg import Bool, Float64
 
 from . import convert
 from .axis import Axis
+from .outcome import Outcome
+from .states import Error
 
 #: Periods of what comes by time, s: of each axis's state while it homes, and of the feedback to
 #: a goal; of the homed joint states; of the diagnostics.
@@ -37,7 +40,7 @@ class Publishers(NamedTuple):
 
 
 class Reports:
-    """Publishes every change of an axis, and what is due by time.
+    """Publishes every change of an axis, and what is due by time; logs how each run ended.
 
     ``stamp`` returns the ROS time in ns; ``lock`` guards the axes.
     """
@@ -50,15 +53,17 @@ class Reports:
         stamp: Callable[[], int],
         lock: threading.Lock,
         node_name: str,
+        logger: Any,
     ) -> None:
         self._axes, self._joints = axes, joints
         self._to = publishers
-        self._stamp, self._lock, self._node_name = stamp, lock, node_name
+        self._stamp, self._lock, self._node_name, self._logger = stamp, lock, node_name, logger
         # No SimpleQueue: until Python 3.13 a short wait for nothing may never end there.
         self._queue: Queue[tuple[Publish, Any]] = Queue()
         self._shown: dict[str, tuple[object, ...]] = {}
         self._seen_states: dict[str, tuple[object, ...]] = {}
         self._seen_outputs: dict[str, tuple[bool, float]] = {}
+        self._seen_runs = dict.fromkeys(axes, 0)
         self._turn = 0  # the next of the running axes
         self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
 
@@ -78,6 +83,9 @@ class Reports:
             self._seen_outputs[name] = outputs
             self._queue.put((self._to.servos[name].publish, Bool(data=bool(outputs[0]))))
             self._queue.put((self._to.torque_limits[name].publish, Float64(data=outputs[1])))
+        if self._seen_runs[name] != axis.history.runs:
+            self._seen_runs[name] = axis.history.runs
+            self._queue.put((partial(self._log, name), axis.outcome))
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Publish until the node has ended and all that was queued is out."""
@@ -110,6 +118,16 @@ class Reports:
         stamp = self._stamp()
         return [convert.axis_state(stamp, self._axes[name])
                 for name in names if name in self._axes]
+
+    def _log(self, name: str, outcome: Outcome) -> None:
+        """Log how a run of an axis ended; rclpy wants a line of its own for each level."""
+        text = convert.home_message({name: outcome})
+        if outcome.success:
+            self._logger.info(f'axis {name}: {text}')
+        elif outcome.error is Error.Canceled:
+            self._logger.warning(text)
+        else:
+            self._logger.error(text)
 
     # ------------------------ what comes by time: queue it, return when it comes again; lock held
 

@@ -35,10 +35,15 @@ class Watched:
                        torque_limits=dict.fromkeys(self.axes, self.publisher('torque_limits')),
                        joint_states=self.publisher('joint_states'),
                        diagnostics=self.publisher('diagnostics')),
-            lambda: 0, threading.Lock(), 'homing_node')
+            lambda: 0, threading.Lock(), 'homing_node',
+            SimpleNamespace(**{
+                level: self.logger(level) for level in ('info', 'warning', 'error')}))
 
     def publisher(self, kind):
         return SimpleNamespace(publish=lambda message: self.published.append((kind, message)))
+
+    def logger(self, level):
+        return lambda text: self.published.append(('log', (level, text)))
 
     def publish(self, until):
         """Publish until a condition is true."""
@@ -89,6 +94,26 @@ def test_another_home_is_a_change():
         watched.reports.note(axis)
     watched.reports.run(lambda: True)
     assert [message.home_offset for message in watched.of('states')] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(('outcome', 'level', 'text'), [
+    (Outcome(Error.NoError, '', 0.25, 0.25, 1e-5), 'info',
+     'axis a0: Homed: home_position_raw=0.25 home_offset=0.25 uncertainty=1e-05'),
+    (Outcome(Error.Canceled, 'axis a0: canceled'), 'warning', 'Canceled: axis a0: canceled'),
+    (Outcome(Error.LSTriggered, 'axis a0: a limit', warnings=('it bounced',)), 'error',
+     'LSTriggered: axis a0: a limit | warning: it bounced'),
+])
+def test_the_end_of_a_run_is_logged_once(outcome, level, text):
+    watched = Watched(1)
+    axis, = watched.axes.values()
+    watched.reports.note(axis)
+    axis.machine, axis.outcome = None, outcome
+    axis.history.add(outcome.error, outcome.home_position_raw)
+    watched.reports.note(axis)
+    axis.set_servo(False)
+    watched.reports.note(axis)
+    watched.reports.run(lambda: True)
+    assert watched.of('log') == [(level, text)]
 
 
 def test_what_comes_by_time_always_comes(monkeypatch):
