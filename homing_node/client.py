@@ -133,7 +133,10 @@ class HomingClient:
         return self._patiently(run)
 
     def call_home(self, axis: str = '', timeout: float | None = None) -> Answer:
-        """Home one axis, or all, through the service instead of the action."""
+        """Home one axis, or all, through the service instead of the action.
+
+        Where this raises TimeoutError the axis goes on homing: `cancel` stops it.
+        """
         return self._patiently(lambda: self._trigger(axis, 'home', timeout))
 
     def cancel(self, axis: str = '') -> Answer:

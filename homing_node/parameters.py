@@ -104,7 +104,7 @@ class AxisParameters:
     invert_external_negative_ls_polarity: bool = _inversion('external negative limit switch')
 
     multiple_z_pulse: int = _parameter(
-        int, 0, 'take the n-th Z-pulse (0 and 1: the first)', minimum=0)
+        int, 0, 'take the n-th Z-pulse (0 and 1: the first)', minimum=0, maximum=1_000_000)
     z_pulse_distance_check: float = _distance(
         0.0, 'expected distance between Z-pulses (0: not checked)')
     z_pulse_distance_tolerance: float = _parameter(

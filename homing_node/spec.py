@@ -70,8 +70,8 @@ class Spec:
                 + suggestion(value, self.choices))
         if self.kind is tuple:
             return self._inputs(value)
-        if self.kind in (int, float) and isinstance(value, int) and not isinstance(value, bool):
-            value = self.kind(value)
+        if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
         if not isinstance(value, self.kind) or (self.kind is int and isinstance(value, bool)):
             kind = {float: 'a number', int: 'an integer', bool: 'true or false'}
             raise ValueError(
@@ -80,7 +80,8 @@ class Spec:
         if isinstance(value, int | float):
             below = value <= self.minimum if self.open_minimum else value < self.minimum
             if not math.isfinite(value) or below or value > self.maximum:
-                bounds = self.bounds or 'finite'
+                finite = '' if math.isfinite(value) else 'finite'
+                bounds = ' and '.join(filter(None, (finite, self.bounds)))
                 raise ValueError(f'{self.name}: {value!r} {self.unit} must be {bounds} {self.unit}'
                                  .replace('  ', ' ').rstrip())
         return value

@@ -1,11 +1,12 @@
 """Reads a ROS parameter file without ROS: the names and values that rcl would give to a node.
 
-rcl reads YAML in its own way: an unquoted ``y`` is a boolean, ``1e-3`` a number, a date a string;
-a list holds one type, and an empty one is not set. What rcl refuses is refused here too, with the
-line.
+rcl reads YAML in its own way: an unquoted ``y`` is a boolean, ``1e-3`` a number, a date a string,
+a number out of its range, too; a list holds one type. An empty list, which rcl does not set, is
+one here, as for the node. What rcl refuses is refused here too, with the line.
 """
 
 import re
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,8 +23,9 @@ TRUE = frozenset(['y', 'Y', 'yes', 'Yes', 'YES', 'true', 'True', 'TRUE', 'on', '
 FALSE = frozenset(['n', 'N', 'no', 'No', 'NO', 'false', 'False', 'FALSE', 'off', 'Off', 'OFF'])
 OCTAL = re.compile(r'[-+]?0[0-7]+')
 INTEGER = re.compile(r'[-+]?(0[xX][0-9a-fA-F]+|0|[1-9][0-9]*)')
-REAL = re.compile(r'[-+]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|\.?(inf|nan))',
+REAL = re.compile(r'[-+]?(([0-9]+\.?[0-9]*|\.[0-9]+)(e[-+]?[0-9]+)?|(?P<named>\.?(inf|nan)))',
                   re.IGNORECASE)
+ZERO = re.compile(r'[-+]?[0.]+(e[-+]?[0-9]+)?', re.IGNORECASE)
 
 
 @dataclass
@@ -164,7 +166,7 @@ def _flatten(file: ParameterFile, name: str, node: yaml.Node, line: int) -> None
         if len(kinds) > 1:
             quote = '; quote the names, an unquoted y or n is a boolean' if 'str' in kinds else ''
             raise _Fault(line, f'{name}: a list of {" and ".join(kinds)}{quote}')
-        file.values[name] = items or None
+        file.values[name] = items
 
 
 def _scalar(name: str, node: yaml.Node) -> Any:
@@ -177,11 +179,17 @@ def _scalar(name: str, node: yaml.Node) -> Any:
         raise _Fault(line, f'{name}: no value')
     if text in TRUE or text in FALSE:
         return text in TRUE
-    if OCTAL.fullmatch(text):
-        return int(text, 8)
-    if INTEGER.fullmatch(text):
-        return int(text, 0)
-    return float(re.sub(r'\.(?=[in])', '', text.lower())) if REAL.fullmatch(text) else text
+    octal = OCTAL.fullmatch(text)
+    if octal or INTEGER.fullmatch(text):
+        whole = int(text, 8 if octal else 0)
+        if -2**63 <= whole < 2**63:
+            return whole
+    if not (found := REAL.fullmatch(text)):
+        return text
+    real = float(re.sub(r'\.(?=[in])', '', text.lower()))
+    exact = found['named'] or ZERO.fullmatch(text) or (
+        sys.float_info.min <= abs(real) <= sys.float_info.max)
+    return real if exact else text
 
 
 def _text(key: yaml.Node) -> str:

@@ -29,6 +29,7 @@ from homing_node.cli import main
 from homing_node.configuration import configuration
 from homing_node.layout import SWITCHES, AxisLayout
 from homing_node.parameters import SPECS
+from homing_node.simulation_node import Settings
 from homing_node.states import LIMIT_SWITCHES, Error, HomeType, Input, LSType, State
 from homing_node.yaml_file import load, read
 
@@ -218,6 +219,12 @@ def test_every_error_is_explained():
 
 def test_every_state_is_explained():
     assert sorted(names_in(rows_of(DOC / 'homing.md', 'state', 'the axis'))) == sorted(State)
+
+
+def test_every_setting_of_the_simulated_axes_is_explained():
+    named = names_in(rows_of(ROS_INTERFACE, 'parameter', 'default', 'meaning'))
+    settings = {field.name for field in dataclasses.fields(Settings)} - {'layouts', 'joints'}
+    assert set(named) == settings | {'axes', '<axis>.joint', '<axis>.…'}
 
 
 def test_every_limit_switch_type_is_explained():

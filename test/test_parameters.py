@@ -127,7 +127,9 @@ def test_tolerance_is_relative():
 @pytest.mark.parametrize('name', REALS)
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf], ids=str)
 def test_reals_are_finite(name, value):
-    assert fault(**{name: value}).startswith(f'{name}: {value}')
+    found = fault(**{name: value})
+    assert found.startswith(f'{name}: {value}')
+    assert 'must be finite' in found
 
 
 @pytest.mark.parametrize('name', REALS)
@@ -146,7 +148,7 @@ def test_integers_are_accepted_for_reals(name):
     assert isinstance(value, float)
 
 
-@pytest.mark.parametrize('value', [1.0, 1.5, True, '1', -1])
+@pytest.mark.parametrize('value', [1.0, 1.5, True, '1', -1, 2**62])
 def test_a_count_is_a_whole_number(value):
     assert fault(multiple_z_pulse=value).startswith(f'multiple_z_pulse: {value!r}')
     assert built(multiple_z_pulse=3).multiple_z_pulse == 3
