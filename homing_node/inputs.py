@@ -83,8 +83,8 @@ class Inputs:
     """All inputs of all axes.
 
     ``feedback_qos`` is the QoS of `joint_states`; ``destroy`` undoes ``subscribe``; ``arrivals``
-    waits for the wired inputs; ``hold_up`` tells of a cycle that is so late that the run ends for
-    it, and returns '' for any other.
+    tells of messages of wired inputs; ``hold_up`` tells of a cycle that is so late that the run
+    ends for it, and returns '' for any other.
     """
 
     def __init__(
@@ -132,8 +132,6 @@ class Inputs:
             except ValueError as error:
                 faults.append(f'{name}.topics.{source}: {error}')
         self._wires[name] = old if faults else [wires[source] for source in wanted]
-        self._arrivals.watch(
-            wire.subscription for wires_of_axis in self._wires.values() for wire in wires_of_axis)
         for wire in {*old, *wires.values()}.difference(self._wires[name]):
             self._destroy(wire.subscription)
         if faults:
@@ -146,22 +144,22 @@ class Inputs:
     def _connect(self, source: Input, topic: str, inverted: bool) -> Wire:
         kind = Float64 if source in LATCHES else Bool
         depth = 10 if source is Input.SERVO_ENABLED else 100
-        return Wire(source, topic, inverted, Stamps(0.0), self._subscribe(kind, topic, depth))
+        subscription = self._subscribe(kind, topic, depth)
+        self._arrivals.watch(subscription)
+        return Wire(source, topic, inverted, Stamps(0.0), subscription)
 
     def poll(self) -> None:
         """Give every message that has arrived to its axis, the feedback last."""
         self._clock.relate()
-        if self._arrivals.expected:
-            self._arrivals.looked(self._take_wired())
+        if self._arrivals.pending():
+            for name, wires in self._wires.items():
+                for wire in wires:
+                    while (taken := wire.take()) is not None:
+                        self._take(self._axes[name], wire, *taken)
         while (taken := self._next_emergency_stop()) is not None:
             self._take_emergency_stop(*taken)
         while (taken := self._next_feedback()) is not None:
             self._take_feedback(*taken)
-
-    def poll_all(self) -> None:
-        """Poll, and look for messages that ``arrivals`` may not have noticed yet, too."""
-        self._arrivals.expect()
-        self.poll()
 
     def unready(
         self, name: str, publishers_of: Callable[[str], list[str]]
@@ -192,23 +190,17 @@ class Inputs:
         return None
 
     def watch(self) -> None:
-        """Note which inputs have lost their publisher: that ends a run of their axis."""
+        """Note which inputs have lost their publisher: that ends a run of their axis.
+
+        The next poll looks at all inputs, told of messages or not.
+        """
+        self._arrivals.expect()
         for name, axis in self._axes.items():
             for wire in self._wires[name]:
                 if wire.subscription.get_publisher_count() == 0:
                     wire.heard = False  # whoever comes next has to tell the level
                     if axis.running:
                         axis.stop(Error.SwitchStale, f'{wire.name} lost its publisher')
-
-    def _take_wired(self) -> bool:
-        """Take the messages of the wired inputs; return whether there was any."""
-        found = False
-        for name, wires in self._wires.items():
-            for wire in wires:
-                while (taken := wire.take()) is not None:
-                    self._take(self._axes[name], wire, *taken)
-                    found = True
-        return found
 
     def _take(self, axis: Axis, wire: Wire, data: bytes, info: Info) -> None:
         """Give a message of an input to the axis."""

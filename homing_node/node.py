@@ -1,9 +1,8 @@
 """The homing node: topics, services and parameters around the axes.
 
-Four threads. The *cycle* polls the inputs, updates the axes and publishes setpoints on a fixed
-grid. The *arrivals* wait for inputs that seldom change and tell the cycle to look. The *executor*
-(the main thread) answers services and parameters. The *reports* publish what others watch.
-``_lock`` guards the axes; nothing is published or waited for while it is held.
+Three threads. The *cycle* polls the inputs, updates the axes and publishes setpoints on a fixed
+grid. The *executor* (the main thread) answers services and parameters. The *reports* publish what
+others watch. ``_lock`` guards the axes; nothing is published or waited for while it is held.
 """
 
 import gc
@@ -113,11 +112,8 @@ class HomingNode(ConfiguredNode):
                 why = str(error).partition('\n')[0].rstrip(':')
                 raise ValueError(f'cannot subscribe to {topic}: {why}') from None
 
-        self._arrivals = Arrivals(
-            self.context, self.create_guard_condition(_never_called, polled))
         self._inputs = Inputs(self._axes, self._joints, self._timebase, subscribe,
-                              self.destroy_subscription, BEST_EFFORT, self._arrivals,
-                              self._hold_up)
+                              self.destroy_subscription, BEST_EFFORT, Arrivals(), self._hold_up)
         for name in self._axes:
             self._inputs.wire(name, self.topics_of(name))
         self._dispatch = Dispatch(self._axes, checked.home_sequence, self._unready)
@@ -150,7 +146,7 @@ class HomingNode(ConfiguredNode):
     def _create_services(self) -> None:
         group = ReentrantCallbackGroup()
         services = Services(
-            self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll_all)
+            self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll)
 
         def serve(kind: Any, name: str, callback: Any) -> None:
             self.create_service(kind, name, callback, callback_group=group)
@@ -219,8 +215,7 @@ class HomingNode(ConfiguredNode):
         gc.collect()
         gc.freeze()  # what is there now stays: a full collection need not look at it (15 ms)
         ended = self.finished.is_set
-        loops = {'cycle': self._cycle_loop, 'arrivals': self._arrivals.run,
-                 'reports': self._reports.run}
+        loops = {'cycle': self._cycle_loop, 'reports': self._reports.run}
         self._threads = [
             threading.Thread(target=self._guarded, args=(name, loop, ended), name=name)
             for name, loop in loops.items()]

@@ -1,156 +1,135 @@
-"""A wait for messages: none is missed, none is waited for where looking finds them."""
+"""The middleware tells of every message, in one process with a graph of its own."""
 
-import itertools
 import threading
 
 import pytest
 import rclpy
 from rclpy.context import Context
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_harness import Domain, wait_for
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float64
 
 from homing_node import arrivals
-from homing_node.arrivals import EMPTY_LOOKS, Arrivals
+from homing_node.arrivals import Arrivals
+
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def never(*_):
-    raise AssertionError('nothing is spun here')
-
-
-class Waiting:
-    """Arrivals in a thread, with publishers and subscriptions of their own in a graph."""
+class Graph:
+    """Publishers, and subscriptions that are watched."""
 
     def __init__(self):
         self._domain = Domain()
         self._context = Context()
         rclpy.init(context=self._context, domain_id=self._domain.number)
-        self._node = rclpy.create_node('waiting', context=self._context)
-        self.arrivals = Arrivals(
-            self._context, self._node.create_guard_condition(never))
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self.arrivals.run, args=(self._ended.is_set,))
-        self._thread.start()
+        self.node = rclpy.create_node('inputs', context=self._context)
+        self.arrivals = Arrivals()
 
     def close(self):
-        self._ended.set()
-        wait_for(lambda: not self._thread.is_alive(), pump=self._disturb)
-        self._node.destroy_node()
+        self.node.destroy_node()
         rclpy.shutdown(context=self._context)
         self._domain.release()
 
-    def _disturb(self):
-        self.arrivals.watch([])
-        self.silence()
-        self._thread.join(0.01)
+    def input(self, topic, kind=Bool, qos=10):
+        """Return a publisher, and the subscription to it that is watched."""
+        publisher = self.node.create_publisher(kind, topic, qos)
+        subscription = self.node.create_subscription(kind, topic, print, qos)
+        self.arrivals.watch(subscription)
+        wait_for(publisher.get_subscription_count)
+        return publisher, subscription
 
-    def inputs(self, *topics):
-        """Subscribe to topics; return the subscriptions and what publishes to them."""
-        subscriptions = [self._node.create_subscription(Bool, topic, never, 10)
-                         for topic in topics]
-        publishers = [self._node.create_publisher(Bool, topic, 10) for topic in topics]
-        for publisher in publishers:
-            wait_for(publisher.get_subscription_count)
-        return subscriptions, publishers
+    def until_told(self):
+        wait_for(self.arrivals.pending, pump=lambda: None)
 
-    def silence(self):
-        for _ in range(EMPTY_LOOKS):
-            self.arrivals.looked(False)
-
-    def rest(self):
-        """Look in vain until it is waited for messages, without any that wakes it."""
-        wait_for(lambda: not self.arrivals.expected, pump=self.silence)
-        calm = threading.Event()
-        while not calm.wait(0.05) and self.arrivals.expected:  # it was still awake
-            self.silence()
-
-    def until_expected(self):
-        wait_for(lambda: self.arrivals.expected)
-
-    def destroy(self, subscription):
-        self._node.destroy_subscription(subscription)
-
-    @property
-    def alive(self):
-        return self._thread.is_alive()
+    def is_silent(self):
+        return not any(self.arrivals.pending() for _ in range(100))
 
 
 @pytest.fixture
-def waiting(monkeypatch):
-    """Nothing but a message ends a wait in time."""
-    monkeypatch.setattr(arrivals, 'LONGEST_WAIT', 600.0)
-    waiting = Waiting()
-    yield waiting
-    waiting.close()
+def graph():
+    graph = Graph()
+    yield graph
+    graph.close()
 
 
 def take(subscription):
-    return subscription.handle.take_message(Bool, False)
+    return subscription.handle.take_message(subscription.msg_type, False)
 
 
-def test_a_message_of_any_of_them_ends_the_wait(waiting):
-    subscriptions, publishers = waiting.inputs('a', 'b', 'c')
-    waiting.arrivals.watch(subscriptions)
-    for subscription, publisher in zip(subscriptions, publishers, strict=True):
-        waiting.rest()
-        publisher.publish(Bool(data=True))
-        waiting.until_expected()
+def test_each_message_is_told_of(graph):
+    """Nobody looks at anything before he is told, a few hundred times."""
+    inputs = [graph.input('home_switch'), graph.input('z_pulse', Float64),
+              graph.input('limit', qos=LATCHED)]
+    assert graph.arrivals.pending()  # of what may have come before
+    assert graph.is_silent()
+    for publisher, subscription in inputs * 100:
+        publisher.publish(subscription.msg_type())
+        graph.until_told()
         assert take(subscription) is not None
+    assert graph.is_silent()
 
 
-def test_a_message_that_nobody_took_lets_no_wait_last(waiting):
-    subscriptions, publishers = waiting.inputs('a', 'b')
-    waiting.arrivals.watch(subscriptions)
-    publishers[1].publish(Bool())
-    for _ in range(3):
-        waiting.silence()
-        waiting.until_expected()
-    assert take(subscriptions[1]) is not None
+def test_a_burst_is_told_of(graph):
+    (one, first), (other, second) = graph.input('a'), graph.input('b')
+    graph.arrivals.pending()
+    for _ in range(5):
+        one.publish(Bool())
+        other.publish(Bool())
+    found = 0
+    while found < 10:
+        graph.until_told()
+        while take(first) or take(second):
+            found += 1
+    assert take(first) is take(second) is None
 
 
-def test_looks_that_find_something_go_on(waiting):
-    waiting.arrivals.watch([])
-    for found in itertools.chain(*[[False] * (EMPTY_LOOKS - 1) + [True]] * 3):
-        waiting.arrivals.looked(found)
-        assert waiting.arrivals.expected
-
-
-def test_a_request_looks_during_a_wait(waiting):
-    waiting.arrivals.watch([])
-    waiting.rest()
-    waiting.arrivals.expect()
-    assert waiting.arrivals.expected
-
-
-def test_a_wait_that_is_under_way_learns_of_new_ones(waiting):
-    (old, new), (_, publisher) = waiting.inputs('a', 'b')
-    waiting.arrivals.watch([old])
-    waiting.rest()
-    waiting.arrivals.watch([new])
-    waiting.destroy(old)
-    waiting.rest()
+def test_what_came_before_is_told_of(graph):
+    publisher = graph.node.create_publisher(Bool, 'a', LATCHED)
     publisher.publish(Bool())
-    waiting.until_expected()
-    assert take(new) is not None
-    assert waiting.alive
+    late = graph.node.create_subscription(Bool, 'a', print, LATCHED)
+    graph.arrivals.watch(late)
+    graph.arrivals.pending()
+    wait_for(lambda: take(late) is not None)
 
 
-def test_one_that_is_gone_is_not_waited_for(waiting):
-    """What cannot be waited for is looked for."""
-    (gone,), _ = waiting.inputs('a')
-    waiting.destroy(gone)
-    waiting.arrivals.watch([gone])
-    for _ in range(3):
-        waiting.silence()
-        waiting.until_expected()
-    assert waiting.alive
+def test_subscriptions_come_and_go_while_messages_come(graph):
+    publisher, _ = graph.input('a')
+    ended = threading.Event()
 
+    def publish():
+        while not ended.is_set():
+            publisher.publish(Bool())
 
-def test_no_wait_is_long(monkeypatch):
-    monkeypatch.setattr(arrivals, 'LONGEST_WAIT', 0.01)
-    waiting = Waiting()
+    thread = threading.Thread(target=publish)
+    thread.start()
     try:
-        for _ in range(3):
-            waiting.silence()
-            waiting.until_expected()
+        for _ in range(200):
+            subscription = graph.node.create_subscription(Bool, 'a', print, 10)
+            graph.arrivals.watch(subscription)
+            graph.node.destroy_subscription(subscription)
     finally:
-        waiting.close()
+        ended.set()
+        thread.join()
+    kept = graph.node.create_subscription(Bool, 'a', print, 10)
+    graph.arrivals.watch(kept)
+    wait_for(lambda: publisher.get_subscription_count() == 2)
+    while graph.arrivals.pending():
+        pass
+    publisher.publish(Bool())
+    graph.until_told()
+
+
+def test_it_is_looked_again_where_that_is_wanted(graph):
+    assert graph.is_silent()
+    graph.arrivals.expect()
+    assert graph.arrivals.pending()
+    assert graph.is_silent()
+
+
+def test_where_the_middleware_tells_of_nothing_it_is_always_looked(graph, monkeypatch):
+    monkeypatch.setattr(arrivals, '_tell_of_messages', lambda *_: 3)
+    graph.input('a')
+    assert all(graph.arrivals.pending() for _ in range(10))
+    monkeypatch.undo()
+    graph.input('b')  # one that is told of does not make up for it
+    assert all(graph.arrivals.pending() for _ in range(10))

@@ -41,18 +41,18 @@ class Arrivals:
     """Lets every poll look, unless the test says otherwise."""
 
     def __init__(self):
-        self.expected = True
+        self.told = True
         self.watched = []
-        self.found = []
+        self.expected = 0
+
+    def watch(self, subscription):
+        self.watched.append(subscription)
 
     def expect(self):
-        self.expected = True
+        self.expected += 1
 
-    def watch(self, subscriptions):
-        self.watched = list(subscriptions)
-
-    def looked(self, found):
-        self.found.append(found)
+    def pending(self):
+        return self.told
 
 
 class Clock:
@@ -83,7 +83,7 @@ class Cell:
         self.topics = {}
         self.clock, self.arrivals = Clock(), Arrivals()
         self.inputs = Inputs({'x': self.axis}, {'x': 'x'}, self.clock, self._subscribe,
-                             self._destroy, 10, self.arrivals, self._hold_up)
+                             lambda _: None, 10, self.arrivals, self._hold_up)
         self.inputs.wire('x', {})
         self.last = None
         for source in self.axis.parameters.inputs:
@@ -97,9 +97,6 @@ class Cell:
         name = topic.rpartition('/')[2]
         self.topics[name] = Subscription(kind, topic)
         return self.topics[name]
-
-    def _destroy(self, subscription):
-        assert subscription not in self.arrivals.watched
 
     @staticmethod
     def _hold_up(late):
@@ -215,45 +212,32 @@ def test_any_messages_in_any_order(home_type, events):
 
 # -- when it is looked for messages ---------------------------------------------------------------
 
-def test_what_waits_for_messages_is_told_what_looking_finds():
+def test_only_feedback_and_emergency_stop_are_looked_for_without_being_told():
     cell = Cell('HSHS')
-    cell.arrivals.found.clear()
-    cell.cycle()
-    cell.say('home_switch', Bool(data=True))
-    cell.cycle()
-    cell.cycle()
-    assert cell.arrivals.found == [False, True, False]
-
-
-def test_feedback_and_emergency_stop_are_not_waited_for():
-    cell = Cell('HSHS')
-    cell.arrivals.expected = False
+    cell.arrivals.told = False
     cell.say('joint_states', JointState(name=['x'], position=[0.06]))
     cell.say('emergency_stop', Bool(data=True))
     cell.say('home_switch', Bool(data=True))
     cell.cycle()
-    left = {topic for topic, subscription in cell.topics.items() if subscription.waiting}
-    assert left == {'home_switch'}
+    assert {name for name, topic in cell.topics.items() if topic.waiting} == {'home_switch'}
     assert cell.axis.position == 0.06
     assert cell.axis.error is Error.EmergencyStop
+    cell.arrivals.told = True
+    cell.cycle()
+    assert not cell.topics['home_switch'].waiting
 
 
-def test_a_request_does_not_wait_for_messages():
+def test_each_input_that_is_wired_is_watched():
     cell = Cell('HSHS')
-    cell.arrivals.expected = False
-    cell.say('home_switch', Bool(data=True))
-    cell.inputs.poll_all()
-    assert cell.topics['home_switch'].waiting == []
-
-
-def test_all_that_is_wired_is_waited_for():
-    cell = Cell('HSHS')
-    old = cell.topics['home_switch']
     cell.inputs.wire('x', {Input.HOME_SWITCH: '/other'})
-    assert old not in cell.arrivals.watched
-    assert {one.topic_name for one in cell.arrivals.watched} == {'/other', *(
-        f'~/x/{source}' for source in cell.axis.parameters.inputs
-        if source is not Input.HOME_SWITCH)}
+    assert [one.topic_name for one in cell.arrivals.watched] == [
+        *(f'~/x/{source}' for source in cell.axis.parameters.inputs), '/other']
+
+
+def test_all_inputs_are_looked_at_when_their_publishers_are():
+    cell = Cell('HSHS')
+    cell.inputs.watch()
+    assert cell.arrivals.expected == 1
 
 
 # -- whose joints come together -------------------------------------------------------------------
