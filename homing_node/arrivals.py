@@ -24,10 +24,10 @@ class Arrivals:
 
     def watch(self, subscription: Any) -> None:
         """Be told of the messages of a subscription, those that are there included."""
-        with subscription.handle:
-            failed = _tell_of_messages(
-                subscription.handle.pointer, _add_to_event, self._event)
-        self._told_of_all = self._told_of_all and not failed
+        if self._told_of_all:
+            with subscription.handle:
+                self._told_of_all = not _tell_of_messages(
+                    subscription.handle.pointer, _add_to_event, self._event)
         self.expect()
 
     def expect(self) -> None:
