@@ -298,8 +298,11 @@ def test_number_of_home_types():
 @pytest.fixture(scope='module')
 def demo(tmp_path_factory):
     config = ROOT / 'config'
+    patient = [f'{name}:=1.0' for name in (  # a busy machine may hold something up
+        'cycle_timeout', *(f'{axis}.feedback_timeout' for axis in 'xyz'))]
     with ros.World(tmp_path_factory.mktemp('demo'), (config / 'demo.yaml').read_text(),
-                   (config / 'simulated_axes.yaml').read_text()) as world:
+                   (config / 'simulated_axes.yaml').read_text(),
+                   arguments=[word for value in patient for word in ('-p', value)]) as world:
         yield world
 
 
