@@ -3,6 +3,7 @@
 Positions are raw positions in m (linear axis) or rad (rotary axis), times in s.
 """
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan
@@ -181,4 +182,6 @@ class _Reader:
 
 
 def _is_real(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    if isinstance(value, int):
+        return not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    return isinstance(value, float)

@@ -235,14 +235,20 @@ class HomingNode(ConfiguredNode):
     def _guarded(
         self, name: str, loop: Callable[[Callable[[], bool]], None], ended: Callable[[], bool]
     ) -> None:
-        """Run a thread's loop; where it breaks the node ends: it must not seem alive."""
+        """Run a thread's loop; where it breaks the node ends: it must not seem alive.
+
+        The axes stop before that, unless it is the cycle itself.
+        """
         try:
             loop(ended)
         except Exception as error:
             if not ended():
                 self.get_logger().fatal(f'the {name} broke: {error!r}')
                 self.broken = True
-                self._finish()
+                if name == 'cycle':
+                    self._finish()
+                else:
+                    self.stop()
                 raise
 
     def _cycle_loop(self, ended: Callable[[], bool]) -> None:

@@ -63,13 +63,16 @@ class Reports:
         self._shown: dict[str, tuple[object, ...]] = {}
         self._seen_states: dict[str, tuple[object, ...]] = {}
         self._seen_outputs: dict[str, tuple[bool, float]] = {}
-        self._seen_runs = dict.fromkeys(axes, 0)
+        self._seen_outcomes = {name: axis.outcome for name, axis in axes.items()}
         self._turn = 0  # the next of the running axes
         self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
 
     def note(self, axis: Axis) -> None:
-        """Queue the state of an axis where it has changed; the lock is held."""
+        """Queue what has changed of an axis, and how its run ended; the lock is held."""
         name, shown = axis.name, axis.shown
+        if not axis.running and axis.outcome is not self._seen_outcomes[name]:
+            self._seen_outcomes[name] = axis.outcome
+            self._queue.put((partial(self._log, name), axis.outcome))
         if self._shown.get(name) == shown:
             return
         self._shown[name] = shown
@@ -83,9 +86,6 @@ class Reports:
             self._seen_outputs[name] = outputs
             self._queue.put((self._to.servos[name].publish, Bool(data=bool(outputs[0]))))
             self._queue.put((self._to.torque_limits[name].publish, Float64(data=outputs[1])))
-        if self._seen_runs[name] != axis.history.runs:
-            self._seen_runs[name] = axis.history.runs
-            self._queue.put((partial(self._log, name), axis.outcome))
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Publish until the node has ended and all that was queued is out."""

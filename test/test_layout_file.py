@@ -53,6 +53,12 @@ def test_an_axis_starts_within_its_travel(tmp_path, stops, start):
     assert layout.start == pytest.approx(start)
 
 
+@pytest.mark.parametrize('line', ['index_pitch: 1', 'hard_stops: [0, 1', 'lag: -1'])
+def test_a_whole_number_that_no_float_holds(tmp_path, line):
+    with pytest.raises(InvalidLayout, match=line.partition(':')[0]):
+        read(tmp_path, f'x:\n  {line}{"0" * 400}{"]" * line.count("[")}\n')
+
+
 def test_dotted_names_as_ros_reads_them(tmp_path):
     found = read(tmp_path, """
 /**:

@@ -122,6 +122,26 @@ def test_a_signal_answers_the_request_and_ends_the_node(ended, number):
     assert states[-1].message.error == 'Canceled'
 
 
+def test_reports_that_break_stop_the_axis_and_end_the_node(tmp_path, monkeypatch):
+    trigger = tmp_path / 'break'
+    monkeypatch.setenv('BREAK', str(trigger))
+    monkeypatch.setenv('PYTHONPATH', os.pathsep.join(
+        [str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')]))
+    monkeypatch.setitem(ros.MAINS, 'homing_node', 'breaking_node')
+    with ros.World(tmp_path, ros.node_parameters({'x': {}}),
+                   ros.plant_parameters({'x': {}})) as world:
+        setpoints = world.client.record(JointTrajectory, 'setpoints')
+        world.client.start('x')
+        ros.at_speed(world.client, setpoints, 'x')
+        world.client.watch()
+        trigger.touch()
+        world.client.until(lambda: not world.node.alive)
+        assert world.node.wait() == 1
+        assert "the reports broke: OSError('the network is gone')" in world.node.output
+        ros.assert_stopped(world.client, setpoints, 'x')
+        world.processes.remove(world.node)
+
+
 # ------------------------------------------------------- position interface, names and topics
 
 @pytest.fixture(scope='module')

@@ -106,14 +106,26 @@ def test_another_home_is_a_change():
 def test_the_end_of_a_run_is_logged_once(outcome, level, text):
     watched = Watched(1)
     axis, = watched.axes.values()
+    axis.outcome = Outcome(Error.NoError)  # a run begins
     watched.reports.note(axis)
     axis.machine, axis.outcome = None, outcome
-    axis.history.add(outcome.error, outcome.home_position_raw)
     watched.reports.note(axis)
     axis.set_servo(False)
     watched.reports.note(axis)
     watched.reports.run(lambda: True)
     assert watched.of('log') == [(level, text)]
+
+
+def test_a_run_that_ends_as_the_last_one_is_logged_too():
+    watched = Watched(1)
+    axis, = watched.axes.values()
+    axis.machine = None
+    for _ in range(2):
+        axis.outcome = Outcome(Error.NoError, '', 1.0, 1.0)
+        watched.reports.note(axis)
+        watched.reports.note(axis)
+    watched.reports.run(lambda: True)
+    assert len(watched.of('log')) == 2
 
 
 def test_what_comes_by_time_always_comes(monkeypatch):
