@@ -41,6 +41,7 @@ setup(
     name=package,
     version='0.1.0',
     packages=[package, f'{package}.check', f'{package}.cli'],
+    package_data={package: ['*.xml']},
     data_files=data_files,
     python_requires='>=3.10',
     install_requires=requirements,

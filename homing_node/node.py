@@ -46,6 +46,7 @@ from .services import Services
 from .spec import InvalidParameters
 from .states import Error
 from .timebase import Lead, TimeBase, wake_precisely
+from .transport import choose_udp
 
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in POLICIES])
@@ -375,6 +376,7 @@ def _signal_pipe() -> int:
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; return the exit status."""
     signaled = _signal_pipe()
+    choose_udp(os.environ, rclpy.get_rmw_implementation_identifier())
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl cannot read a parameter file

@@ -37,6 +37,7 @@ from trajectory_msgs.msg import JointTrajectory
 from .layout import AxisLayout, layouts_from
 from .simulation import Happening, SimulatedAxis
 from .states import Input
+from .transport import choose_udp
 
 #: How long before something is due the thread wakes up and waits for the exact time, s.
 LEAD = 0.0001
@@ -380,6 +381,7 @@ def main(args: list[str] | None = None) -> int:
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: signals.append(number))
+    choose_udp(os.environ, rclpy.get_rmw_implementation_identifier())
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rclpy has no common base: bad arguments, a bad YAML file

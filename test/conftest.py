@@ -14,7 +14,7 @@ settings.load_profile('fuzz' if os.environ.get('HOMING_FUZZ') else 'quick')
 
 #: Files that start processes or look at a clock.
 TIMED = ('test_arrivals', 'test_bench', 'test_cli', 'test_client', 'test_docs', 'test_node_',
-         'test_reports', 'test_timebase')
+         'test_reports', 'test_timebase', 'test_transport')
 #: Its last test looks back at all the others.
 WHOLE = 'test_homing.py'
 

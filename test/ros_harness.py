@@ -117,6 +117,7 @@ class Process:
         environment = {
             **os.environ, 'ROS_DOMAIN_ID': str(domain.number), 'PYTHONFAULTHANDLER': '1',
             'ROS_LOG_DIR': str(folder / 'log')}
+        del environment['FASTRTPS_DEFAULT_PROFILES_FILE']  # its own
         with self._log.open('w') as log:
             self.process = subprocess.Popen(
                 [sys.executable, '-c', code, '--ros-args', '--params-file', str(file),

@@ -29,7 +29,7 @@ PURE = {
 SHELL = {'node', 'configured_node', 'inputs', 'arrivals', 'services', 'reports', 'convert', 'cdr',
          'simulation_node', 'client'}
 #: What the node uses besides the core and its own shell.
-OF_THE_NODE = {'timebase', 'check', 'layout'}
+OF_THE_NODE = {'timebase', 'transport', 'check', 'layout'}
 ROS = {'rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'homing_interfaces', 'rcl_interfaces',
        'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs'}
 
