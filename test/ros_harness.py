@@ -259,6 +259,18 @@ class Client:
                 heard.append(Heard(message, info['publication_sequence_number'],
                                    info['source_timestamp'], info['received_timestamp']))
 
+    def forget(self, *records):
+        """End some recordings: each takes its time of every message."""
+        for recording in [r for r in self._recordings if any(r[1] is heard for heard in records)]:
+            self._recordings.remove(recording)
+            self._listener.destroy_subscription(recording[0])
+
+    def rest(self):
+        """Stop every axis, and all recordings: what a test leaves behind."""
+        self.forget(*(heard for _, heard in self._recordings))
+        answer = self.trigger('cancel')
+        assert answer.success, answer.message
+
     def record_states(self, axis):
         return self.record(AxisState, f'{axis}/state', LATCHED)
 
@@ -329,6 +341,7 @@ class Client:
             return any(axis in s.message.joint_names for s in setpoints)
 
         self.until(moves, what=f'motion of {axis}')
+        self.forget(setpoints)
         return asking.last
 
     def set(self, atomically=False, **values):

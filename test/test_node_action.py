@@ -32,7 +32,7 @@ def world(tmp_path_factory):
 @pytest.fixture
 def client(world):
     yield world.client
-    assert world.client.trigger('cancel').success
+    world.client.rest()
 
 
 def send(client, *axes):

@@ -34,7 +34,7 @@ def world(tmp_path_factory):
 def client(world):
     yield world.client
     world.hand.silent = False
-    assert world.client.trigger('cancel').success
+    world.client.rest()
 
 
 @pytest.fixture

@@ -37,8 +37,7 @@ def world(tmp_path_factory):
 @pytest.fixture
 def client(world):
     yield world.client
-    answer = world.client.trigger('cancel')
-    assert answer.success, answer.message
+    world.client.rest()
 
 
 @pytest.fixture
