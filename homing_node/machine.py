@@ -6,7 +6,7 @@ is told, and no sign: all positions are in the *toward* frame, m or rad.
 Sources: WMX3 manual, "Limit Switches During Homing"; doc/homing.md for what is decided here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from .events import CONDITIONS, Event
@@ -37,10 +37,17 @@ class Turnoff(NamedTuple):
 class Machine:
     """One run: where it stands, why it ended, and where the reference was.
 
-    ``step`` is the present row, ``error`` and ``message`` the verdict (NoError while all is well),
-    ``finished`` tells that the command is at rest and nothing more will come, ``reference`` the
-    home position once found, ``arrows`` every transition taken so far.
+    ``step`` is the present row; ``error`` and ``message`` the verdict, NoError until the axis is
+    ``stopping`` for one; ``finished`` tells that the command is at rest and nothing more will
+    come, ``reference`` the home position once found, ``arrows`` every transition taken so far.
     """
+
+    __slots__ = (
+        'parameters', 'procedure', 'profile', 'now', 'feedback', 'step', 'row', 'error', 'message',
+        'stopping', 'finished', 'paused', 'silent', 'servo_off', 'reference', 'arrows', 'passes',
+        'index_margin', 'warnings', 'end', '_look', '_switches', '_limits', '_target', '_dynamics',
+        '_rules', '_cause', '_found', '_leg', '_turnoff', '_further', '_reversed', '_flags',
+        '_latches', '_paused_at', '_stop_deceleration')
 
     def __init__(
         self,
@@ -55,10 +62,10 @@ class Machine:
         self.profile = profile
         self.now = now
         self.feedback = feedback
-        self.step: Step = self.procedure.first
-        self.row: Row = self.procedure.rows[self.step]
+        self._stand_in(self.procedure.first)
         self.error = Error.NoError
         self.message = ''
+        self.stopping = False
         self.finished = False
         self.paused = False
         self.silent = False  # no further setpoint: the servo is off
@@ -93,10 +100,6 @@ class Machine:
     def state(self) -> State:
         """The published home state."""
         return State.Cancel if self.error is Error.Canceled else self.step.state
-
-    @property
-    def stopping(self) -> bool:
-        return self.error is not Error.NoError
 
     @property
     def torque_limit(self) -> float:
@@ -137,7 +140,7 @@ class Machine:
         if left and event and edge.order < left.edge.order:
             row = self.procedure.rows[left.step]
             if event in row.on and self._counts(edge, row):
-                self.step, self.row = left.step, row
+                self._stand_in(left.step)
                 self._reversed, self.passes.coarse = left.reversed, left.coarse_pass
         if event and event in self.row.on and self._counts(edge, self.row):
             self._advance(event, edge)
@@ -194,9 +197,8 @@ class Machine:
         The first error stays; a stronger stop that comes later takes over.
         """
         if not self.stopping:
-            self.message = f'{fault.seen} in {self.state}' + (fault.hint and f'; {fault.hint}')
-            self.error = fault.error
-            self._end_pause()
+            hint = fault.hint and f'; {fault.hint}'
+            self._give_up(fault.error, f'{fault.seen} in {self.state}{hint}')
         self._act(action or Action(self.parameters.ls_dec))
 
     def warn(self, text: str) -> None:
@@ -207,9 +209,7 @@ class Machine:
     def cancel(self) -> None:
         """Stop with the active profile."""
         if not self.stopping:
-            self.message = f'canceled in {self.state}'
-            self.error = Error.Canceled
-            self._end_pause()
+            self._give_up(Error.Canceled, f'canceled in {self.state}')
             self._stop_deceleration = self.profile.dynamics.deceleration
             self.profile.stop()
 
@@ -229,30 +229,17 @@ class Machine:
         if self.stopping:
             self.finished = self.profile.done
             return
-        if self._leg.update(feedback, self.profile.position):
+        leg, command = self._leg, self.profile.position
+        if leg.update(feedback, command):
             self._latches.forget()
-        fault = self._rules.broken(self._leg, self.profile.position, feedback, now)
+        fault = self._rules.broken(leg, command, feedback, now)
         if fault is not None:
             self.fail(fault)
             return
-        while (event := self._happened()) and not self.paused:
+        while self._look is not None and (event := self._look(self)) and not self.paused:
             self._advance(event, self._found)
             if self.finished or self.stopping:
                 return
-
-    def _happened(self) -> Event | None:
-        """Return the event that the present motion itself has brought about, if any."""
-        kind = self.row.motion.kind
-        if kind is Kind.SEARCH:
-            if self.row.latches:
-                return self._latched()
-            return self._end_detected() if Event.END_DETECTED in self.row.on else None
-        if kind is Kind.FURTHER:
-            done = self._went_further()
-        else:
-            done = self.profile.done and (kind is Kind.HOME or self._cause.resolved)
-        self._found = Mark(self.feedback)
-        return Event.DONE if done else None
 
     # ------------------------------------------------------------------------------ transitions
 
@@ -290,10 +277,16 @@ class Machine:
             self.passes.coarse = cause
         self._enter(step, cause)
 
+    def _stand_in(self, step: Step) -> None:
+        """Make a row the present one."""
+        self.step: Step = step
+        self.row: Row = self.procedure.rows[step]
+        self._look = _look_of(self.row)
+
     def _enter(self, step: Step, cause: Mark) -> None:
         """Enter a row and, where a condition of it holds, the next; then start the motion."""
-        self.step, self.row, self._cause = step, self.procedure.rows[step], cause
-        self._further = False
+        self._cause, self._further = cause, False
+        self._stand_in(step)
         if step is HOME_SHIFT:
             self.reference = cause
         for condition in CONDITIONS:
@@ -331,19 +324,29 @@ class Machine:
         elif motion.kind is Kind.SEARCH:
             profile.seek(way * dynamics.velocity, dynamics)
 
-    # ------------------------------------------------------------------------ what a motion found
+    # ---------------------------------- the event that the present motion itself has brought about
 
-    def _went_further(self) -> bool:
+    def _went_further(self) -> Event | None:
         """Go on by the homing reverse distance; at once done where stopping takes longer."""
         if self._further:
-            return self.profile.done
+            return self._arrived()
         target = self._cause.position - self.parameters.homing_reverse_distance
         dynamics = self._dynamics[self.row.motion.pace]
         if self.profile.stopping_position(dynamics.deceleration) <= target:
-            return True
+            return self._done()
         self._further = True
         self.profile.move(target, dynamics)
-        return False
+        return None
+
+    def _rested(self) -> Event | None:
+        return self._arrived() if self._cause.resolved else None
+
+    def _arrived(self) -> Event | None:
+        return self._done() if self.profile.done else None
+
+    def _done(self) -> Event:
+        self._found = Mark(self.feedback)
+        return Event.DONE
 
     def _latched(self) -> Event | None:
         """Return the event of a latch beyond the row's edge, else beyond the turning point."""
@@ -447,6 +450,10 @@ class Machine:
 
     # ------------------------------------------------------------------------------------ endings
 
+    def _give_up(self, error: Error, message: str) -> None:
+        self.error, self.message, self.stopping = error, message, True
+        self._end_pause()
+
     def _act(self, action: Action) -> None:
         """Stop as an action says; a harder stop that is under way stays."""
         self.servo_off = self.servo_off or action.servo_off
@@ -461,3 +468,14 @@ class Machine:
         if self.paused:
             self.paused = False
             self._rules.deadline += self.now - self._paused_at
+
+
+def _look_of(row: Row) -> Callable[[Machine], Event | None] | None:
+    """Return what tells the event that a row's motion itself brings about; None: edges end it."""
+    kind = row.motion.kind
+    if kind is Kind.SEARCH:
+        if row.latches:
+            return Machine._latched
+        return Machine._end_detected if Event.END_DETECTED in row.on else None
+    return {Kind.FURTHER: Machine._went_further, Kind.REST: Machine._rested,
+            Kind.HOME: Machine._arrived}[kind]

@@ -63,7 +63,7 @@ def _ls_type(default: LSType, text: str) -> Any:
     return _parameter(LSType, default, text)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class AxisParameters:
     """All parameters of one axis, in SI units (m or rad, s); immutable during a run.
 

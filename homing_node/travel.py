@@ -41,7 +41,7 @@ class Leg:
     """
 
     __slots__ = ('way', 'before', 'since', 'feedback', 'command', 'gone', 'traveled', 'against',
-                 '_feedback_at_turn')
+                 '_sign', '_behind')
 
     def __init__(
         self, way: Way, feedback: float, command: float, since: float,
@@ -49,23 +49,29 @@ class Leg:
     ) -> None:
         self.way, self.since = way, since
         self.before = before if before and before.way else None
-        self.feedback = self._feedback_at_turn = feedback
-        self.command = command
+        self._sign = float(way)
+        self.feedback = feedback
+        self._turn(feedback, command)
         self.gone = self.traveled = self.against = 0.0
 
     def update(self, feedback: float, command: float) -> bool:
         """Move the turning point; return whether the command still overruns."""
-        way = self.way
-        self.gone = (command - self.command) * way
-        overruns = self.gone < 0.0
+        sign = self._sign
+        gone = (command - self.command) * sign
+        overruns = gone < 0.0
         if overruns:
-            self.command, self._feedback_at_turn, self.gone = command, feedback, 0.0
-        self.traveled = (feedback - self.feedback) * way
-        if self.traveled < 0.0:
-            self.feedback, self.traveled = feedback, 0.0
-        self.against = min((self._feedback_at_turn - feedback) * way,
-                           (self.command - feedback) * way)
+            gone = 0.0
+            self._turn(feedback, command)
+        traveled = (feedback - self.feedback) * sign
+        if traveled < 0.0:
+            self.feedback, traveled = feedback, 0.0
+        self.gone, self.traveled = gone, traveled
+        self.against = self._behind - feedback * sign
         return overruns
+
+    def _turn(self, feedback: float, command: float) -> None:
+        self.command = command
+        self._behind = min(feedback * self._sign, command * self._sign)
 
     def way_at(self, time: float, track: Track) -> int | None:
         """Return the sign of the axis's travel at a time that the track covers.
