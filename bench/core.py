@@ -43,7 +43,7 @@ def feed_and_update(axis: Axis, cycles: int, start: int = 0) -> None:
         feedback(now, position)
         setpoint = update(now)
         if setpoint is not None:
-            position = setpoint.position
+            position, _, _ = setpoint
 
 
 def feed(axis: Axis, cycles: int, start: int = 0) -> None:

@@ -7,7 +7,6 @@ homing direction is applied here, once. SI units; times in s of one monotonic cl
 """
 
 import math
-from typing import NamedTuple
 
 from .history import History
 from .limits import Action
@@ -30,12 +29,8 @@ SETTLE_SAMPLES = 3
 MANY_BOUNCES = 10
 
 
-class Setpoint(NamedTuple):
-    """What the axis shall do in this cycle, raw: m, m/s, m/s^2."""
-
-    position: float
-    velocity: float
-    acceleration: float
+#: What the axis shall do in a cycle, raw: position, velocity and acceleration in m, m/s, m/s^2.
+Setpoint = tuple[float, float, float]
 
 
 class Axis:
@@ -278,7 +273,9 @@ class Axis:
             if self.homed and self.parameters.clear_home_done_on_comm_stop:
                 self.homed = now - self.arrival <= self.parameters.feedback_timeout
             return None
-        self._test_inputs(now)
+        p = self.parameters
+        if now - self.arrival > p.feedback_timeout or p.switch_timeout:
+            self._test_inputs(now)
         if self._unresolved:
             track = self._edge_track
             for edge in self._unresolved:
@@ -290,9 +287,10 @@ class Axis:
         if machine.finished:
             return self._finish(now)
         profile = self.profile
-        if profile.done and not self._moved:
-            return None
-        self._moved = True
+        if not self._moved:
+            if profile.done:
+                return None
+            self._moved = True
         profile.update()
         return self._setpoint(now)
 
@@ -433,8 +431,7 @@ class Axis:
         profile, sign = self.profile, self._sign
         if self.parameters.open_loop_homing:
             self._commands.append(now + self.period, profile.position)
-        return Setpoint(sign * profile.position, sign * profile.velocity,
-                        sign * profile.acceleration)
+        return sign * profile.position, sign * profile.velocity, sign * profile.acceleration
 
     def _finish(self, now: float) -> Setpoint | None:
         """End the run once the feedback has settled, too, where there is one."""

@@ -289,8 +289,8 @@ class FaultyRehearsal(Rehearsal):
     def _send_feedback(self, time: float, position: float) -> None:
         self._post(Message(FEEDBACK, time, time, position, self.transport.feedback_delay))
 
-    def _command(self, setpoint: Setpoint) -> None:
-        self._post(Message(SETPOINT, self.time, self.time, setpoint.position))
+    def _command(self, position: float) -> None:
+        self._post(Message(SETPOINT, self.time, self.time, position))
         self._deliver()
 
     def _post(self, message: Message) -> None:

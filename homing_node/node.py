@@ -325,7 +325,7 @@ class HomingNode(ConfiguredNode):
             return
         for name, axis in self._axes.items():
             if name in setpoints:
-                self._commands[name] = setpoints[name].position
+                self._commands[name], _, _ = setpoints[name]
             elif name not in self._commands:
                 self._commands[name] = axis.hold_position
         commands = [self._commands[name] for name in self._axes]

@@ -113,7 +113,7 @@ class Rehearsal:
         self._deliver()
         setpoint = self.axis.update(self.time)
         if setpoint is not None:
-            self._command(setpoint)
+            self._command(setpoint[0])
             self.course.samples.append(
                 Sample(self.time, str(self.axis.state), *setpoint, self.plant.position))
         return setpoint
@@ -169,8 +169,8 @@ class Rehearsal:
             arrival, _, deliver = heapq.heappop(self._messages)
             deliver(arrival)
 
-    def _command(self, setpoint: Setpoint) -> None:
-        self.plant.follow(setpoint.position, over=self.period)
+    def _command(self, position: float) -> None:
+        self.plant.follow(position, over=self.period)
 
     def _report(self, happening: Happening) -> None:
         time, source, value = happening.time, Input(happening.input), happening.value
