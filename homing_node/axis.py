@@ -318,7 +318,7 @@ class Axis:
         """What differs wherever something changes that others watch."""
         machine = self.machine
         if machine is None:
-            return self.outcome, self.homed, self.servo_on
+            return self.history.runs, self.homed, self.servo_on
         return machine.step, machine.error, machine.paused, machine.end.touched, self.servo_on
 
     @property

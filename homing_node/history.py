@@ -12,15 +12,17 @@ REMEMBERED = 100
 class History:
     """The runs of an axis since the node started.
 
-    ``ended`` counts them by how they ended; positions in m or rad.
+    ``runs`` counts those that have ended, ``ended`` by how they did; positions in m or rad.
     """
 
     def __init__(self) -> None:
+        self.runs = 0
         self.ended: Counter[Error] = Counter()
         self.homes: deque[float] = deque(maxlen=REMEMBERED)
 
     def add(self, error: Error, home_position_raw: float) -> None:
         """Take a run that has ended."""
+        self.runs += 1
         self.ended[error] += 1
         if error is Error.NoError:
             self.homes.append(home_position_raw)
@@ -28,10 +30,6 @@ class History:
     def forget_homes(self) -> None:
         """Begin a new spread: the axis homes differently now."""
         self.homes.clear()
-
-    @property
-    def runs(self) -> int:
-        return sum(self.ended.values())
 
     @property
     def homed(self) -> int:

@@ -291,7 +291,7 @@ class HomingNode(ConfiguredNode):
 
     def _cycle(self, now: float, due: float) -> None:
         """Poll the inputs, update the axes, publish the setpoints, answer what ended."""
-        setpoints = {}
+        setpoints, changed = {}, False
         with self._lock:
             self._inputs.poll()
             if now - self._watched > WATCH_PERIOD:
@@ -303,8 +303,8 @@ class HomingNode(ConfiguredNode):
                 setpoint = axis.update(now)
                 if setpoint is not None:
                     setpoints[name] = setpoint
-                self._reports.note(axis)
-            answered = self._dispatch.update(now)
+                changed = self._reports.note(axis) or changed
+            answered = changed and self._dispatch.update(now)
             idle = self._dispatch.idle
             finished = idle and self._dispatch.closed
         if setpoints:

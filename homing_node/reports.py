@@ -39,6 +39,18 @@ class Publishers(NamedTuple):
     diagnostics: Any
 
 
+class Told:
+    """What was told of an axis: ``shown`` as a whole, and in its parts."""
+
+    __slots__ = ('shown', 'runs', 'state', 'outputs')
+
+    def __init__(self) -> None:
+        self.shown: tuple[object, ...] = ()
+        self.runs = 0
+        self.state: tuple[object, ...] = ()
+        self.outputs: tuple[bool, float] | None = None
+
+
 class Reports:
     """Publishes every change of an axis, and what is due by time; logs how each run ended.
 
@@ -60,32 +72,33 @@ class Reports:
         self._stamp, self._lock, self._node_name, self._logger = stamp, lock, node_name, logger
         # No SimpleQueue: until Python 3.13 a short wait for nothing may never end there.
         self._queue: Queue[tuple[Publish, Any]] = Queue()
-        self._shown: dict[str, tuple[object, ...]] = {}
-        self._seen_states: dict[str, tuple[object, ...]] = {}
-        self._seen_outputs: dict[str, tuple[bool, float]] = {}
-        self._seen_outcomes = {name: axis.outcome for name, axis in axes.items()}
+        self._told = {name: Told() for name in axes}
         self._turn = 0  # the next of the running axes
         self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
 
-    def note(self, axis: Axis) -> None:
-        """Queue what has changed of an axis, and how its run ended; the lock is held."""
-        name, shown = axis.name, axis.shown
-        if not axis.running and axis.outcome is not self._seen_outcomes[name]:
-            self._seen_outcomes[name] = axis.outcome
-            self._queue.put((partial(self._log, name), axis.outcome))
-        if self._shown.get(name) == shown:
-            return
-        self._shown[name] = shown
+    def note(self, axis: Axis) -> bool:
+        """Queue what has changed of an axis, and how its run ended; the lock is held.
+
+        Return whether anything has changed: the end of a run always has.
+        """
+        told, shown = self._told[axis.name], axis.shown
+        if told.shown == shown:
+            return False
+        told.shown = shown
+        name, put = axis.name, self._queue.put
+        if told.runs != axis.history.runs:
+            told.runs = axis.history.runs
+            put((partial(self._log, name), axis.outcome))
         state = (axis.state, axis.paused, axis.homed, axis.error, axis.outcome)
-        if self._seen_states.get(name) != state:
-            self._seen_states[name] = state
-            message = convert.axis_state(self._stamp(), axis)
-            self._queue.put((self._to.states[name].publish, message))
+        if told.state != state:
+            told.state = state
+            put((self._to.states[name].publish, convert.axis_state(self._stamp(), axis)))
         outputs = (axis.servo_on, axis.torque_limit)
-        if self._seen_outputs.get(name) != outputs:
-            self._seen_outputs[name] = outputs
-            self._queue.put((self._to.servos[name].publish, Bool(data=bool(outputs[0]))))
-            self._queue.put((self._to.torque_limits[name].publish, Float64(data=outputs[1])))
+        if told.outputs != outputs:
+            told.outputs = outputs
+            put((self._to.servos[name].publish, Bool(data=bool(outputs[0]))))
+            put((self._to.torque_limits[name].publish, Float64(data=outputs[1])))
+        return True
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Publish until the node has ended and all that was queued is out."""

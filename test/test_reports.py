@@ -53,6 +53,12 @@ class Watched:
         return [message for published, message in self.published if published == kind]
 
 
+def end(axis, outcome):
+    """End a run."""
+    axis.machine, axis.outcome = None, outcome
+    axis.history.add(outcome.error, outcome.home_position_raw)
+
+
 @pytest.mark.parametrize('number', [1, STATES_AT_ONCE, 2 * STATES_AT_ONCE + 3])
 def test_all_axes_that_home_are_told_of_in_turn(number):
     watched = Watched(number)
@@ -87,9 +93,8 @@ def test_another_home_is_a_change():
     """A run of CurrentPos begins and ends within one cycle."""
     watched = Watched(1)
     axis, = watched.axes.values()
-    axis.machine = None
     for position in (1.0, 2.0):
-        axis.outcome = Outcome(Error.NoError, '', position, position)
+        end(axis, Outcome(Error.NoError, '', position, position))
         axis.homed = True
         watched.reports.note(axis)
     watched.reports.run(lambda: True)
@@ -108,7 +113,7 @@ def test_the_end_of_a_run_is_logged_once(outcome, level, text):
     axis, = watched.axes.values()
     axis.outcome = Outcome(Error.NoError)  # a run begins
     watched.reports.note(axis)
-    axis.machine, axis.outcome = None, outcome
+    end(axis, outcome)
     watched.reports.note(axis)
     axis.set_servo(False)
     watched.reports.note(axis)
@@ -119,9 +124,8 @@ def test_the_end_of_a_run_is_logged_once(outcome, level, text):
 def test_a_run_that_ends_as_the_last_one_is_logged_too():
     watched = Watched(1)
     axis, = watched.axes.values()
-    axis.machine = None
     for _ in range(2):
-        axis.outcome = Outcome(Error.NoError, '', 1.0, 1.0)
+        end(axis, Outcome(Error.NoError, '', 1.0, 1.0))
         watched.reports.note(axis)
         watched.reports.note(axis)
     watched.reports.run(lambda: True)
