@@ -25,9 +25,10 @@ class JointStateReader:
     """Reads joint states. Names are the same from one message to the next, and read once."""
 
     def __init__(self) -> None:
-        self._head = b''  # from the length of frame_id on
-        self._end = 0  # where the number of positions stands
+        self._head = b''  # from the length of frame_id to the number of positions
         self._names: tuple[str, ...] = ()
+        self._begin = 0  # where the positions stand
+        self._positions = struct.Struct('')
 
     def read(self, data: bytes) -> tuple[int, tuple[str, ...], tuple[float, ...]] | None:
         """Return the stamp in ns, the names and as many positions, or fewer where they lack.
@@ -40,9 +41,7 @@ class JointStateReader:
             seconds, nanoseconds = STAMP.unpack_from(data, 4)
             if not (self._head and data.startswith(self._head, 12)):
                 self._read_head(data)
-            end = self._end
-            count = min(LENGTH.unpack_from(data, end)[0], len(self._names))
-            positions = struct.unpack_from(f'<{count}d', data, end + (4 if end % 8 == 0 else 8))
+            positions = self._positions.unpack_from(data, self._begin)
         except (RuntimeError, struct.error):
             return None
         return seconds * NS + nanoseconds, self._names, positions
@@ -55,8 +54,11 @@ class JointStateReader:
         for _ in range(count):
             name, at = _text(data, at)
             names.append(name)
-        LENGTH.unpack_from(data, at)  # the head is whole
-        self._names, self._head, self._end = tuple(names), data[12:at], at
+        count = min(LENGTH.unpack_from(data, at)[0], len(names))
+        at += 4
+        self._names, self._head = tuple(names), data[12:at]
+        self._begin = at + (at + 4) % 8
+        self._positions = struct.Struct(f'<{count}d')
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:

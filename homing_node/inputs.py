@@ -105,6 +105,8 @@ class Inputs:
         self._hold_up = hold_up
         self._by_joint = {joint: axes[axis] for axis, joint in joints.items()}
         self._feeds: dict[tuple[str, ...], Feed] = {}  # by the names of a message
+        self._names: tuple[str, ...] = ()  # of the last message, and their feed
+        self._feed = Feed([], {})
         self._feedback_stamps: dict[str, Stamps] = {}  # of each axis, as last believed
         self._reader = JointStateReader()
         self._next_feedback = _taker(subscribe(JointState, 'joint_states', feedback_qos))
@@ -248,26 +250,32 @@ class Inputs:
             sent = stamp = clock.time_of(info['source_timestamp'])
         if sampled:
             stamp = clock.time_of(sampled)
-        for stamps, places in (self._feeds.get(names) or self._feed(names)).groups:
+        if names is not self._names:
+            self._names, self._feed = names, self._feed_of(names)
+        known = len(positions)
+        for stamps, places in self._feed.groups:
             found = stamps.believe(stamp, arrival, sent)
             if found is None:
                 continue
             time, doubt = found
             for place, axis in places:
-                if stamps.late:
-                    self._stop(axis, Error.FeedbackStale, too_late('joint_states', stamps))
-                if place < len(positions) and isfinite(positions[place]):
+                if place < known and isfinite(positions[place]):
                     axis.feedback(time, positions[place], arrival, doubt)
-                    if doubt:
-                        axis.warn(f'joint_states: {stamps.warning}')
+            if doubt:
+                for _, axis in places:
+                    if stamps.late:
+                        self._stop(axis, Error.FeedbackStale, too_late('joint_states', stamps))
+                    axis.warn(f'joint_states: {stamps.warning}')
 
     def _stop(self, axis: Axis, error: Error, text: str) -> None:
         """End a run for a message that was too late, or for what made it late: our own hold-up."""
         hold_up = self._hold_up(self._clock.elapsed)
         axis.stop(Error.CycleLate if hold_up else error, hold_up or text)
 
-    def _feed(self, names: tuple[str, ...]) -> Feed:
-        """Meet a list of joints for the first time."""
+    def _feed_of(self, names: tuple[str, ...]) -> Feed:
+        """Return the feed of a list of joints, which may be met for the first time."""
+        if names in self._feeds:
+            return self._feeds[names]
         if len(self._feeds) >= MANY_FEEDS:
             del self._feeds[next(iter(self._feeds))]
         feed = self._feeds[names] = Feed([
