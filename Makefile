@@ -6,8 +6,8 @@ VENV := .venv
 PIP := $(VENV)/bin/python -m pip install --quiet --quiet --disable-pip-version-check
 
 # ROS ships no types: mypy looks at all but the modules that use it.
-ROS_SHELL := $(patsubst %,homing_node/%.py,node configured_node inputs arrivals services reports convert cdr \
-             client simulation_node)
+ROS_SHELL := $(patsubst %,homing_node/%.py,main node configured_node inputs arrivals services reports convert \
+             cdr client simulation_node)
 TYPED := $(filter-out $(ROS_SHELL),$(wildcard homing_node/*.py homing_node/*/*.py))
 
 # What looks at a clock goes to one worker; the rest gives way to it (test/conftest.py).

@@ -8,7 +8,7 @@ from setuptools import setup
 
 package = 'homing_node'
 executables = {
-    'homing_node': 'homing_node.node:main',
+    'homing_node': 'homing_node.main:main',
     'simulated_axes': 'homing_node.simulation_node:main',
     'homing': 'homing_node.cli:main',
 }

@@ -5,26 +5,19 @@ grid. The *executor* (the main thread) answers services and parameters. The *rep
 others watch. ``_lock`` guards the axes; nothing is published or waited for while it is held.
 """
 
-import gc
-import os
-import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
 from rclpy.exceptions import NameValidationException
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64, Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
@@ -43,10 +36,8 @@ from .parameters import AxisParameters
 from .qos import POLICIES
 from .reports import Publishers, Reports
 from .services import Services
-from .spec import InvalidParameters
 from .states import Error
 from .timebase import Lead, TimeBase, wake_precisely
-from .transport import choose_udp
 
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in POLICIES])
@@ -55,8 +46,6 @@ OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in 
 FIRST_INSTANT = 1e-9
 #: How often the publishers of the inputs are counted, s.
 WATCH_PERIOD = 0.1
-#: How long the last answers may take to leave after the axes have stopped, s.
-FAREWELL = 1.0
 
 
 def latched(depth: int) -> QoSProfile:
@@ -213,8 +202,6 @@ class HomingNode(ConfiguredNode):
 
     def start(self) -> None:
         """Start the threads; the caller spins the executor."""
-        gc.collect()
-        gc.freeze()  # what is there now stays: a full collection need not look at it (15 ms)
         ended = self.finished.is_set
         loops = {'cycle': self._cycle_loop, 'reports': self._reports.run}
         self._threads = [
@@ -231,7 +218,6 @@ class HomingNode(ConfiguredNode):
         """Wait for the threads."""
         for thread in self._threads:
             thread.join()
-        gc.unfreeze()
 
     def _guarded(
         self, name: str, loop: Callable[[Callable[[], bool]], None], ended: Callable[[], bool]
@@ -358,55 +344,3 @@ class HomingNode(ConfiguredNode):
 
 def _never_called(*_: object) -> None:
     """Stand where rclpy wants a callback: polled subscriptions have none, waking needs none."""
-
-
-def _signal_pipe() -> int:
-    """Return a file descriptor that becomes readable at SIGINT or SIGTERM.
-
-    A handler alone would run only once the main thread leaves rcl's wait.
-    """
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    signal.set_wakeup_fd(writer)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _never_called)
-    return reader
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node until SIGINT or SIGTERM; return the exit status."""
-    signaled = _signal_pipe()
-    choose_udp(os.environ, rclpy.get_rmw_implementation_identifier())
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # rcl cannot read a parameter file
-        hint = " (YAML reads an unquoted y or n as a boolean: axes: ['x', 'y'])"
-        print(f'homing_node: {error}{hint if "bool" in str(error) else ""}', file=sys.stderr)
-        return 1
-    try:
-        node = HomingNode()
-    except InvalidParameters as error:
-        print('homing_node: the parameters are not valid:', *error.faults, sep='\n  ',
-              file=sys.stderr)
-        return 1
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    node.start()
-
-    def wait_for_signal() -> None:
-        os.read(signaled, 1)
-        node.stop()
-
-    threading.Thread(target=wait_for_signal, daemon=True).start()
-    while not node.finished.is_set():
-        try:
-            executor.spin_once()
-        except Exception as error:  # of one callback: the axes and the other clients go on
-            node.get_logger().error(f'a callback broke: {error!r}')
-    until = time.monotonic() + FAREWELL
-    while executor._tasks and time.monotonic() < until:
-        executor.spin_once(timeout_sec=0.01)
-    node.join()
-    node.destroy_node()
-    rclpy.shutdown()
-    return int(node.broken)

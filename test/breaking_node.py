@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from homing_node.node import main
+from homing_node.main import main
 from homing_node.reports import Reports
 
 __all__ = ['main']
