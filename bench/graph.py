@@ -130,7 +130,8 @@ class World:
         environment = {**os.environ, 'ROS_DOMAIN_ID': str(self.domain),
                        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
                        'ROS_LOG_DIR': str(self.folder / 'log')}
-        environment.pop('ROS_PYTHON_CHECK_FIELDS', None)
+        for ours in 'ROS_PYTHON_CHECK_FIELDS', 'FASTRTPS_DEFAULT_PROFILES_FILE':
+            environment.pop(ours, None)
         log = self.folder / 'output'
         with log.open('w') as output:
             self._child = child = subprocess.Popen(
