@@ -1,8 +1,7 @@
 """Two hosts on one machine: network namespaces, and a cable that delays, drops and can be cut.
 
-The cable is a pair of TAP devices whose frames a thread carries over, because `tc netem` is not
-in every kernel. Needs root, iproute2 and /dev/net/tun. Run as a program it is the client on one of
-the hosts: it homes an axis and tells how that went.
+The cable is a pair of TAP devices whose frames a process carries over, because `tc netem` is not
+in every kernel. Needs root, iproute2 and /dev/net/tun. Run as a program it is that process.
 """
 
 import ctypes
@@ -13,6 +12,7 @@ import os
 import random
 import select
 import shutil
+import socket
 import struct
 import subprocess
 import sys
@@ -22,10 +22,6 @@ from itertools import count
 from pathlib import Path
 
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
-
-
-#: How a request is refused that comes before the plant is heard, or its drive is on again.
-UNREADY = ('SwitchUnknown', 'FeedbackStale', 'ServoOff')
 
 
 def missing():
@@ -44,34 +40,38 @@ def missing():
 
 
 class Cable:
-    """Two hosts, `near` and `far`, and what is between them.
-
-    ``delay`` and ``jitter`` in s, ``loss`` a part of 1, ``cut`` at any time.
-    """
+    """Two hosts, `near` and `far`, and what is between them."""
 
     def __init__(self):
         self.near, self.far = f'hn{os.getpid()}a', f'hn{os.getpid()}b'
-        self.delay = self.jitter = self.loss = 0.0
-        self.cut = False
-        self._ended = threading.Event()
-        self._ends = []
+        ends = []
         try:
             for host, address in ((self.near, '10.77.0.1/24'), (self.far, '10.77.0.2/24')):
                 _ip('netns', 'add', host)
-                self._ends.append(_tap(host))
+                ends.append(_tap(host))
                 _ip('-n', host, 'addr', 'add', address, 'dev', 'tap0')
                 for device in ('lo', 'tap0'):
                     _ip('-n', host, 'link', 'set', device, 'up')
                 _ip('-n', host, 'route', 'add', 'default', 'dev', 'tap0')
+            self._settings, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            with theirs:
+                passed = theirs.fileno(), *ends
+                self._carrier = subprocess.Popen(
+                    [sys.executable, __file__, *map(str, passed)], pass_fds=passed)
         except BaseException:
             self._remove()
             raise
-        self._thread = threading.Thread(target=self._carry, daemon=True)
-        self._thread.start()
+        finally:
+            for end in ends:
+                os.close(end)
+
+    def set(self, **settings):
+        """Set `delay`, `jitter` (s), `loss` (a part of 1), `cut`; what is not named stays."""
+        self._settings.send(json.dumps(settings).encode())
 
     def close(self):
-        self._ended.set()
-        self._thread.join()
+        self._settings.close()
+        assert self._carrier.wait(10.0) == 0
         self._remove()
 
     def run(self, host, arguments, log, **environment):
@@ -83,26 +83,8 @@ class Cable:
                 stdin=subprocess.DEVNULL, stdout=file, stderr=file)
 
     def _remove(self):
-        for end in self._ends:
-            os.close(end)
         for host in (self.near, self.far):
             subprocess.run(['ip', 'netns', 'del', host], capture_output=True)
-
-    def _carry(self):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))  # a busy machine, too
-        chance, order, under_way = random.Random(0), count(), []
-        other = dict(zip(self._ends, reversed(self._ends), strict=True))
-        while not self._ended.is_set():
-            wait = under_way[0][0] - time.monotonic() if under_way else 0.05
-            for end in select.select(self._ends, [], [], min(max(wait, 0.0), 0.05))[0]:
-                frame = os.read(end, 65536)
-                if not self.cut and chance.random() >= self.loss:
-                    due = time.monotonic() + self.delay + chance.uniform(0.0, self.jitter)
-                    heapq.heappush(under_way, (due, next(order), other[end], frame))
-            while under_way and under_way[0][0] <= time.monotonic():
-                _, _, end, frame = heapq.heappop(under_way)
-                if not self.cut:
-                    os.write(end, frame)
 
 
 def _ip(*arguments):
@@ -129,48 +111,33 @@ def _tap(host):
     return made[0]
 
 
-def home(axis):
-    """Home an axis; print `moving` once it does, then what happened as one line of JSON."""
-    import rclpy
-    from sensor_msgs.msg import JointState
-    from std_srvs.srv import SetBool, Trigger
-    from trajectory_msgs.msg import JointTrajectory
+def carry(settings, *ends):
+    """Carry frames from either end to the other until the socket of the settings is closed.
 
-    rclpy.init()
-    node = rclpy.create_node('client', enable_rosout=False)
-    setpoints, feedback = [], []
-    node.create_subscription(
-        JointTrajectory, '/homing_node/setpoints',
-        lambda m: setpoints.append((m.points[0].positions[0], m.points[0].velocities[0])), 1000)
-    node.create_subscription(
-        JointState, '/joint_states', lambda m: feedback.append(m.position[0]), 100)
-    servo = node.create_client(SetBool, f'/homing_node/{axis}/servo')
-    client = node.create_client(Trigger, f'/homing_node/{axis}/home')
-    until = time.monotonic() + 40.0
-    servo.wait_for_service(40.0)
-    for on in (False, True):  # a drive that stopped by itself has to be switched on again
-        rclpy.spin_until_future_complete(
-            node, servo.call_async(SetBool.Request(data=on)), timeout_sec=10.0)
-    told = False
-    future = None
-    while time.monotonic() < until:
-        rclpy.spin_once(node, timeout_sec=0.01)
-        if future is None and client.service_is_ready():
-            future = client.call_async(Trigger.Request())
-        if not told and len(setpoints) > 50:
-            told = True
-            print('moving', flush=True)
-        if future is not None and future.done():
-            answer = future.result()
-            if setpoints or not answer.message.startswith(UNREADY):
-                break
-            future = None
-    until = time.monotonic() + 10.0
-    while time.monotonic() < until and setpoints and setpoints[-1][1]:
-        rclpy.spin_once(node, timeout_sec=0.01)
-    print(json.dumps({'message': answer.message, 'setpoints': setpoints, 'feedback': feedback}),
-          flush=True)
+    In a process of its own, before others: no busy machine or interpreter holds it up.
+    """
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    chance, order, under_way = random.Random(0), count(), []
+    other = dict(zip(ends, reversed(ends), strict=True))
+    now = {'delay': 0.0, 'jitter': 0.0, 'loss': 0.0, 'cut': False}
+    while True:
+        wait = max(0.0, under_way[0][0] - time.monotonic()) if under_way else None
+        ready, _, _ = select.select([settings, *ends], [], [], wait)
+        if settings in ready:
+            told = os.read(settings, 65536)
+            if not told:
+                return
+            now.update(json.loads(told))
+        for end in (end for end in ends if end in ready):
+            frame = os.read(end, 65536)
+            if not now['cut'] and chance.random() >= now['loss']:
+                due = time.monotonic() + now['delay'] + chance.uniform(0.0, now['jitter'])
+                heapq.heappush(under_way, (due, next(order), other[end], frame))
+        while under_way and under_way[0][0] <= time.monotonic():
+            _, _, end, frame = heapq.heappop(under_way)
+            if not now['cut']:
+                os.write(end, frame)
 
 
 if __name__ == '__main__':
-    home(sys.argv[1])
+    carry(*map(int, sys.argv[1:]))
