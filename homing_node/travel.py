@@ -70,6 +70,7 @@ class Leg:
         return overruns
 
     def _turn(self, feedback: float, command: float) -> None:
+        """Let the command turn here; `against` counts from what lies further back."""
         self.command = command
         self._behind = min(feedback * self._sign, command * self._sign)
 
