@@ -106,7 +106,7 @@ def test_every_axis_finds_its_edge(run):
         assert offset == raw
         assert error <= max(uncertainty, 5e-6), (axis, error, uncertainty)
         assert error <= (1e-4 if run.home_type == 'HS' else 1e-5), (axis, error)
-        assert 0 <= uncertainty <= UNCERTAIN * SPEED[run.home_type] / 500 + 1e-8
+        assert 0 <= uncertainty <= UNCERTAIN * SPEED[run.home_type] / 500 + 1e-8, answer.message
 
 
 def test_every_state_on_the_way_is_published(run):
