@@ -36,11 +36,10 @@ console = Console(highlight=False)
 
 
 @contextmanager
-def process(module: str, parameters: Path):
-    """Run a node of this package as a process of its own."""
-    start = f'import sys; from homing_node.{module} import main; sys.exit(main())'
+def process(executable: str, parameters: Path):
+    """Run an executable of this package."""
     child = subprocess.Popen(
-        [sys.executable, '-c', start, '--ros-args', '--log-level', 'warn',
+        [Path(sys.executable).with_name(executable), '--ros-args', '--log-level', 'warn',
          '--params-file', str(parameters)], cwd=ROOT)
     try:
         yield child
@@ -79,8 +78,8 @@ def main() -> int:
     """Run the demo; return 0 if the axis was homed."""
     console.print(f'ROS domain {os.environ["ROS_DOMAIN_ID"]}: starting simulated_axes and '
                   'homing_node')
-    with process('simulation_node', PLANT), process('node', CONFIG), HomingClient() as homing, \
-            homing.record(AXIS) as course:
+    with process('simulated_axes', PLANT), process('homing_node', CONFIG), \
+            HomingClient() as homing, homing.record(AXIS) as course:
         console.print(f'ros2 service call /homing_node/{AXIS}/home std_srvs/srv/Trigger\n')
         ended = threading.Event()
         printer = threading.Thread(target=show, args=(course, ended))

@@ -1,7 +1,10 @@
 """How the node starts, is wired and ends."""
 
 import os
+import re
 import signal
+import subprocess
+import sys
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -267,3 +270,22 @@ def test_homings_in_a_row(tmp_path):
         assert grown - memory < 2e6  # 0.06 MB in 1000 homings
         third = len(waits) // 3
         assert median(waits[-third:]) < 2.0 * median(waits[:third])
+
+
+# ------------------------------------------------------------------------------------- the demo
+
+def test_the_demo():
+    """What `make demo` runs homes an axis and draws its course."""
+    root = Path(__file__).resolve().parent.parent
+    domain = ros.Domain()
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain.number)}
+    del environment['FASTRTPS_DEFAULT_PROFILES_FILE']  # a user has none
+    begin = time.time()
+    ended = subprocess.run(
+        [sys.executable, str(root / 'scripts' / 'demo.py')], env=environment, check=False,
+        capture_output=True, text=True, timeout=3 * ros.PATIENCE)
+    domain.release()
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    off, = re.findall(r'home is (\S+) µm off', ended.stdout)
+    assert float(off) < 10.0
+    assert (root / 'demo.png').stat().st_mtime >= begin
