@@ -315,7 +315,7 @@ class Axis:
 
     @property
     def shown(self) -> tuple[object, ...]:
-        """What differs wherever something changes that others watch."""
+        """What differs wherever something changes that others watch; each end of a run does."""
         machine = self.machine
         if machine is None:
             return self.history.runs, self.homed, self.servo_on

@@ -118,7 +118,7 @@ class Dispatch:
         self._canceling.clear()
 
     def update(self, now: float) -> bool:
-        """Follow the axes, once a cycle; return whether an answer was given."""
+        """Follow the axes, once one has changed; return whether an answer was given."""
         ended = [entry for entry in self._active if entry[0].update(now)]
         rested = [entry for entry in self._canceling
                   if not any(self._axes[name].running for name in entry[0])]

@@ -262,10 +262,11 @@ class Inputs:
                 if place < known and isfinite(positions[place]):
                     axis.feedback(time, positions[place], arrival, doubt)
             if doubt:
-                for _, axis in places:
+                for place, axis in places:
                     if stamps.late:
                         self._stop(axis, Error.FeedbackStale, too_late('joint_states', stamps))
-                    axis.warn(f'joint_states: {stamps.warning}')
+                    if place < known and isfinite(positions[place]):
+                        axis.warn(f'joint_states: {stamps.warning}')
 
     def _stop(self, axis: Axis, error: Error, text: str) -> None:
         """End a run for a message that was too late, or for what made it late: our own hold-up."""

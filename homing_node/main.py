@@ -1,7 +1,7 @@
 """The process of the homing node: its start, its executor, its end.
 
-Python's collector rests until all is there: a start leaves no garbage, and looking for some took
-a tenth of it.
+Python's collector rests until all is there: a start leaves next to no garbage, and looking for
+some took a tenth of it.
 """
 
 import gc

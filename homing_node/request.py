@@ -2,7 +2,7 @@
 
 One axis that fails, is refused or was canceled stops its group; later groups are not started. A
 request for one axis is a request of one group with one axis. No clock, no ROS:
-:meth:`Request.update` is called once a cycle, after the axes.
+:meth:`Request.update` is called after the axes, in each cycle in which a run has ended.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -125,6 +125,14 @@ class Cell:
         self.last = position
 
 
+@pytest.mark.parametrize(('position', 'warned'), [(0.05, True), (math.nan, False)])
+def test_a_doubt_is_told_of_what_was_taken(position, warned):
+    cell = Cell('HS')
+    cell.say('joint_states', JointState(name=['x'], position=[position]), stamp=0.5)
+    cell.cycle()
+    assert bool(cell.axis.machine.warnings) is warned
+
+
 def test_an_edge_in_simulated_time_is_no_better_than_its_cycle():
     cell = Cell('HS')
     cell.clock.simulated = True
