@@ -28,7 +28,6 @@ SETTLE_SAMPLES = 3
 #: More bounces of one switch in a run are worth a warning.
 MANY_BOUNCES = 10
 
-
 #: What the axis shall do in a cycle, raw: position, velocity and acceleration in m, m/s, m/s^2.
 Setpoint = tuple[float, float, float]
 

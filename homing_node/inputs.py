@@ -259,13 +259,11 @@ class Inputs:
                 continue
             time, doubt = found
             for place, axis in places:
+                if stamps.late:
+                    self._stop(axis, Error.FeedbackStale, too_late('joint_states', stamps))
                 if place < known and isfinite(positions[place]):
                     axis.feedback(time, positions[place], arrival, doubt)
-            if doubt:
-                for place, axis in places:
-                    if stamps.late:
-                        self._stop(axis, Error.FeedbackStale, too_late('joint_states', stamps))
-                    if place < known and isfinite(positions[place]):
+                    if doubt:
                         axis.warn(f'joint_states: {stamps.warning}')
 
     def _stop(self, axis: Axis, error: Error, text: str) -> None:

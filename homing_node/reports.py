@@ -40,7 +40,7 @@ class Publishers(NamedTuple):
 
 
 class Told:
-    """What was told of an axis: ``shown`` as a whole, and in its parts."""
+    """What was told of an axis: ``shown`` in all, the runs logged, the state, the outputs."""
 
     __slots__ = ('shown', 'runs', 'state', 'outputs')
 

@@ -12,6 +12,7 @@ from statistics import median
 
 import pytest
 import ros_harness as ros
+import yaml
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
@@ -270,6 +271,32 @@ def test_homings_in_a_row(tmp_path):
         assert grown - memory < 2e6  # 0.06 MB in 1000 homings
         third = len(waits) // 3
         assert median(waits[-third:]) < 2.0 * median(waits[:third])
+
+
+# ----------------------------------------------------------------------------------- the process
+
+def test_the_collector_rests_only_while_the_node_starts(tmp_path):
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(yaml.dump({'/**': {'ros__parameters': described()}}, Dumper=ros.PlainDumper))
+    code = """
+import gc, sys
+from homing_node import main, node
+def start(node, start=node.HomingNode.start):
+    print(gc.isenabled(), gc.get_freeze_count() > 10_000)
+    start(node)
+    node.stop()
+assert not gc.isenabled()
+node.HomingNode.start = start
+sys.exit(main.main())
+"""
+    domain = ros.Domain()
+    ended = subprocess.run(
+        [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)], check=False,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(domain.number)}, capture_output=True, text=True,
+        timeout=ros.PATIENCE)
+    domain.release()
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout == 'True True\n'
 
 
 # ------------------------------------------------------------------------------------- the demo

@@ -126,8 +126,8 @@ def test_a_run_that_ends_as_the_last_one_is_logged_too():
     axis, = watched.axes.values()
     for _ in range(2):
         end(axis, Outcome(Error.NoError, '', 1.0, 1.0))
-        watched.reports.note(axis)
-        watched.reports.note(axis)
+        assert watched.reports.note(axis)  # else its request would not be answered
+        assert not watched.reports.note(axis)
     watched.reports.run(lambda: True)
     assert len(watched.of('log')) == 2
 
