@@ -6,9 +6,8 @@ topic names are ``<axis>.topics.<input>``. SI units.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, NamedTuple
 
 from .parameters import SPECS, AxisParameters, axis_parameters
 from .qos import check_override
@@ -79,8 +78,7 @@ TOPICS: Mapping[str, Input] = {f'topics.{name}': name for name in Input}
 AXIS_SPECS: Mapping[str, Spec] = {**SPECS, **TOPIC_SPECS}
 
 
-@dataclass(frozen=True)
-class Configuration:
+class Configuration(NamedTuple):
     """A checked configuration: the node's parameters and each axis's, in the order of `axes`."""
 
     axes: Mapping[str, AxisParameters]

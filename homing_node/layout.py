@@ -5,18 +5,19 @@ Positions are raw positions in m (linear axis) or rad (rotary axis), times in s.
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan
-from typing import TypeGuard
+from typing import NamedTuple, TypeGuard
 
 from .states import LIMIT_PAIRS, LIMIT_SWITCHES, Input
 
 #: The inputs that are levels, in the order in which happenings at one position are reported.
 SWITCHES: tuple[str, ...] = tuple(i.value for i in (Input.HOME_SWITCH, *LIMIT_SWITCHES))
 
+#: How a drive stops that hears no setpoint where its layout does not say, m/s² or rad/s².
+STOP_DEC = 1.0
 
-@dataclass(frozen=True)
-class SwitchLayout:
+
+class SwitchLayout(NamedTuple):
     """Where a switch's flag is.
 
     The switch turns on when the axis enters [on_from, on_to] and off when it has left it by more
@@ -30,8 +31,7 @@ class SwitchLayout:
     inverted: bool = False
 
 
-@dataclass(frozen=True)
-class AxisLayout:
+class AxisLayout(NamedTuple):
     """Where things are on an axis, in raw positions, m or rad.
 
     `hard_stops` is the lower and the upper end. `switches` has the fitted switches by input name
@@ -52,17 +52,16 @@ class AxisLayout:
     lag: float = 0.0
     start: float = 0.0
     command_timeout: float = 0.0
-    stop_dec: float = 1.0
+    stop_dec: float = STOP_DEC
 
 
 def mirrored(layout: AxisLayout) -> AxisLayout:
     """Return the layout with all positions negated and positive and negative inputs swapped."""
     other = {a.value: b.value for pair in LIMIT_PAIRS.values() for a, b in (pair, pair[::-1])}
-    return replace(
-        layout,
+    return layout._replace(
         hard_stops=(-layout.hard_stops[1], -layout.hard_stops[0]),
         switches={
-            other.get(name, name): replace(switch, on_from=-switch.on_to, on_to=-switch.on_from)
+            other.get(name, name): switch._replace(on_from=-switch.on_to, on_to=-switch.on_from)
             for name, switch in layout.switches.items()
         },
         index_offset=-layout.index_offset,
@@ -132,7 +131,7 @@ class _Reader:
             lag=self.real('lag', 0.0, 's', least=0.0),
             start=self.real('start', 0.0, 'm or rad'),
             command_timeout=self.real('command_timeout', 0.0, 's', least=0.0),
-            stop_dec=self.real('stop_dec', AxisLayout.stop_dec, 'm/s² or rad/s²', least=1e-9),
+            stop_dec=self.real('stop_dec', STOP_DEC, 'm/s² or rad/s²', least=1e-9),
         )
         if not stops[0] <= layout.start <= stops[1]:
             self.fault(

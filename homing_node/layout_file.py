@@ -6,7 +6,7 @@ known is left out, or null: a switch, the hard stops or one of them, ``index_off
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf, nan
 from os import PathLike
 from pathlib import Path
@@ -138,7 +138,7 @@ def load(path: str | PathLike[str]) -> LayoutFile:
             [reader.located(path, fault) for fault in str(error).splitlines()]) from None
     for axis, entries in reader.entries.items():
         if entries.get('index_offset', 0.0) is None:
-            layouts[axis] = replace(layouts[axis], index_offset=nan)
+            layouts[axis] = layouts[axis]._replace(index_offset=nan)
     faults = [f'{path}: {name} {value!r} is not a number'
               for name, value in general.items()
               if isinstance(value, bool) or not isinstance(value, int | float) or value <= 0]

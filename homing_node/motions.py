@@ -3,8 +3,8 @@
 Ways are relative to the homing direction: *toward* along it, *away* against it.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 from .states import Error, Word
 
@@ -34,8 +34,7 @@ class Pace(Word):
     SHIFT = 'home_shift'
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """One verb of the tables."""
 
     kind: Kind

@@ -1,6 +1,5 @@
 """Why a run fails, and how it ended."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from .states import Error
@@ -14,8 +13,7 @@ class Fault(NamedTuple):
     hint: str = ''
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """How a run ended (or why a request was refused), and where home is, raw, m.
 
     ``passes_range`` and ``passes_deviation`` (standard deviation) in m are those of the ``passes``

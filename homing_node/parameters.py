@@ -351,8 +351,8 @@ class AxisParameters:
 
 
 SPECS: Mapping[str, Spec] = {
-    f.name: dataclasses.replace(
-        f.metadata['spec'], name=f.name,
+    f.name: f.metadata['spec']._replace(
+        name=f.name,
         default=REQUIRED if f.default is dataclasses.MISSING else f.default)
     for f in dataclasses.fields(AxisParameters)
 }

@@ -5,7 +5,6 @@ By parameters ``qos_overrides.<topic>.<subscription|publisher>.<policy>``, as of
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 
 from .spec import Spec, suggestion
 from .states import Word
@@ -58,5 +57,5 @@ def check_override(name: str, value: object) -> None:
     if policy not in POLICIES:
         raise ValueError(f'{name}: {policy!r} is none of {", ".join(POLICIES)}'
                          + suggestion(policy, POLICIES))
-    spec = replace(POLICIES[policy], name=name)
+    spec = POLICIES[policy]._replace(name=name)
     spec.convert(value.lower() if isinstance(value, str) else value)  # as rclpy reads it

@@ -13,7 +13,6 @@ import csv
 import json
 import zipfile
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from io import StringIO
 from os import PathLike
 from pathlib import Path
@@ -93,7 +92,7 @@ def _about(course: Course, title: str, unit: str) -> dict[str, Any]:
         'format': FORMAT,
         'title': title,
         'unit': unit,
-        'outcome': None if outcome is None else {**asdict(outcome), 'error': str(outcome.error)},
+        'outcome': None if outcome is None else {**outcome._asdict(), 'error': str(outcome.error)},
         'arrows': [[*map(str, step), str(event)] if isinstance(step, Step) else
                    [str(step), '', str(event)] for step, event in course.arrows],
     }

@@ -3,9 +3,8 @@
 import difflib
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, NamedTuple
 
 from .states import Input
 
@@ -21,8 +20,7 @@ class InvalidParameters(ValueError):
 REQUIRED: Any = object()
 
 
-@dataclass(frozen=True)
-class Spec:
+class Spec(NamedTuple):
     """What is known of one parameter: its kind, unit, bounds and meaning."""
 
     text: str

@@ -77,7 +77,7 @@ class Rig:
 
     def built(self, **changes: object) -> 'Rig':
         """Return the rig with another layout."""
-        return replace(self, layout=replace(self.layout, **changes))
+        return replace(self, layout=self.layout._replace(**changes))
 
     def switched(self, **flags: SwitchLayout | None) -> 'Rig':
         """Return the rig with other flags (None: not fitted, nor wired)."""
@@ -96,7 +96,7 @@ class Rig:
         return axis_parameters(values)
 
     def rehearsal(self, direction: int = 1, start: float | None = None) -> Rehearsal:
-        layout = self.layout if start is None else replace(self.layout, start=start)
+        layout = self.layout if start is None else self.layout._replace(start=start)
         if direction < 0:
             layout = mirrored(layout)
         return Rehearsal(self.parameters(direction), layout, self.transport)

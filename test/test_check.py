@@ -72,7 +72,7 @@ class Case:
             return parameters, None
         assert isinstance(self.layout, dict)
         flags = {name: flag for name, flag in {**FLAGS, **self.flags}.items() if flag}
-        layout = replace(LAYOUT, switches=flags, **self.layout)
+        layout = LAYOUT._replace(switches=flags, **self.layout)
         if direction < 0:
             parameters = axis_parameters({**mirrored_values(values), 'home_direction': 'Negative'})
             layout = mirrored(layout)
@@ -482,7 +482,7 @@ def test_the_rehearsal_hits_the_hard_stop_ahead_where_the_check_says_so(
     parameters, layout = axis_of(home_type, velocity)
     timing = Timing(latency=latency)
     limit = layout.switches[AHEAD].on_from
-    ends = Ends('x', parameters, replace(layout, hard_stops=(0.0, inf)), timing)
+    ends = Ends('x', parameters, layout._replace(hard_stops=(0.0, inf)), timing)
     _, row = ends.searches[0]
     stop = next(one for one in ends.limit_stops(row) if one.limit.input == AHEAD)
     overrun = stop.overrun(velocity)
@@ -491,9 +491,9 @@ def test_the_rehearsal_hits_the_hard_stop_ahead_where_the_check_says_so(
     first = 0.0872 if home_type == 'TouchProbe' else 0.0812
     starts = [max(first, limit - ramp * (0.4 + 0.1 * n)) for n in range(8)]
     for part, hits in ((0.85, True), (1.01, False)):
-        built = replace(layout, hard_stops=(0.0, limit + part * overrun))
+        built = layout._replace(hard_stops=(0.0, limit + part * overrun))
         if home_type == 'TouchProbe':
-            built = replace(built, touch_probe=0.087)
+            built = built._replace(touch_probe=0.087)
         said = [one for one in check_axis('x', parameters, built, timing)
                 if one.check == 'hard-stop' and 'ahead' in one.what]
         hit = [rehearse_from(parameters, built, transport_of(timing), start).hits is not None
@@ -542,17 +542,17 @@ def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocit
     parameters, layout = axis_of('HS', velocity)
     timing = Timing(latency=latency)
     limit = layout.switches[BEHIND].on_to
-    ends = Ends('x', parameters, replace(layout, hard_stops=(-inf, 0.12)), timing)
+    ends = Ends('x', parameters, layout._replace(hard_stops=(-inf, 0.12)), timing)
     row = next(row for _, row in ends.searches if row.motion.way is Way.AWAY)
     overrun = next(ends.limit_stops(row)).overrun(velocity)
     stuck = {**layout.switches, HS: SwitchLayout(-1.0, 0.08)}  # the home switch never falls
     stuck[BEHIND] = SwitchLayout(-1.0, limit)
     for part, hits in ((0.75, True), (1.01, False)):
-        built = replace(layout, hard_stops=(limit - part * overrun, 0.12))
+        built = layout._replace(hard_stops=(limit - part * overrun, 0.12))
         said = [one for one in check_axis('x', parameters, built, timing)
                 if one.check == 'hard-stop' and 'behind' in one.what]
         starts = [0.07 + 0.0005 * n for n in range(4)]
-        hit = [rehearse_from(parameters, replace(built, switches=stuck), transport_of(timing),
+        hit = [rehearse_from(parameters, built._replace(switches=stuck), transport_of(timing),
                              start).hits is not None for start in starts]
         assert bool(said) is hits
         assert any(hit) is hits, (overrun, part)
@@ -623,7 +623,7 @@ def test_a_finding_names_the_error_that_a_run_ends_with(bound, error):
 def test_a_configuration_brings_its_update_rate():
     values = {'axes': ['x'], 'update_rate': 10.0, 'cycle_timeout': 0.15,
               **{f'x.{name}': value for name, value in VALUES.items()}}
-    found = check(configuration(values), {'x': replace(LAYOUT, hard_stops=(0.0, 0.19))})
+    found = check(configuration(values), {'x': LAYOUT._replace(hard_stops=(0.0, 0.19))})
     assert {'cycle-timeout', 'hard-stop'} <= {one.check for one in found}
     assert '112 ms' not in next(one.text for one in found if one.check == 'hard-stop')
     assert '110 ms' in next(one.text for one in found if one.check == 'hard-stop')
@@ -699,5 +699,5 @@ def test_absurd_parameters_are_judged_too(home_type, value):
 def test_every_input_can_be_placed():
     flags = {str(name): SwitchLayout(0.1, 0.2) for name in Input
              if str(name) not in ('z_pulse', 'touch_probe', 'servo_enabled')}
-    found = check_axis('x', axis_parameters(VALUES), replace(LAYOUT, switches=flags))
+    found = check_axis('x', axis_parameters(VALUES), LAYOUT._replace(switches=flags))
     assert errors(found)

@@ -6,7 +6,6 @@ import os
 import pty
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
@@ -203,7 +202,7 @@ def test_runs_from_everywhere(capsys):
 @pytest.mark.parametrize('stops', [(-0.005, 0.205), (-0.1, 0.2), (0.0, 0.3), (0.1, 0.7)])
 def test_no_start_is_beyond_the_hard_stops(stops):
     example = EXAMPLES[HomeType.HS]
-    layout = replace(example.layout, hard_stops=stops)
+    layout = example.layout._replace(hard_stops=stops)
     for count in (2, 3, 9, 14, 50, 101):
         positions = starts(example.parameters, layout, count)
         assert (len(positions), positions[0], positions[-1]) == (count, *stops)

@@ -252,7 +252,7 @@ def test_every_finding_is_explained():
 
 def test_every_key_of_a_layout_is_explained():
     found = names_in(rows_of(DOC / 'check.md', 'key', 'default', 'meaning'))
-    fields = {field.name for field in dataclasses.fields(AxisLayout)} - {'switches'}
+    fields = set(AxisLayout._fields) - {'switches'}
     assert sorted(found) == sorted({*SWITCHES, *fields, '_hysteresis', 'inverted'})
 
 

@@ -128,7 +128,7 @@ def test_without_a_layout_the_edges_of_the_course_are_shown() -> None:
 
 
 def test_hard_stops_may_be_unknown() -> None:
-    unknown = replace(HSHS.layout, hard_stops=(-float('inf'), float('inf')))
+    unknown = HSHS.layout._replace(hard_stops=(-float('inf'), float('inf')))
     assert 'positive limit' in words(figure(HSHS.rehearse(BEYOND), unknown))
 
 

@@ -1,6 +1,5 @@
 """The plant alone: no ROS, no clock."""
 
-from dataclasses import replace
 from math import exp, inf, nan
 from operator import itemgetter
 
@@ -425,6 +424,6 @@ def test_all_faults_of_layouts_are_reported_at_once():
 
 def test_step_in_which_nothing_happens_makes_no_new_object():
     layout = AxisLayout((0.0, 1.0), {HOME: SwitchLayout(0.5, 0.6)})
-    still, moving = SimulatedAxis(layout), SimulatedAxis(replace(layout, lag=0.01))
+    still, moving = SimulatedAxis(layout), SimulatedAxis(layout._replace(lag=0.01))
     moving.follow(0.4)
     assert still.step(0.001) is moving.step(0.001)

@@ -6,7 +6,6 @@ as the node does at its start.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from types import MappingProxyType
 
 from ..configuration import Configuration
@@ -38,7 +37,7 @@ def check(
     timing = timing or Timing()
     findings: list[Finding] = []
     if isinstance(axes, Configuration):
-        timing = replace(timing, update_rate=axes.update_rate)
+        timing = timing._replace(update_rate=axes.update_rate)
         findings += _check_node(axes)
         axes = axes.axes
     for axis, parameters in axes.items():

@@ -1,8 +1,8 @@
 """What a check finds, and what it assumes about the machine's timing."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
 from math import ceil, floor, isfinite, log10
+from typing import NamedTuple
 
 from ..parameters import AxisParameters
 from ..states import Word
@@ -16,8 +16,7 @@ class Severity(Word):
     info = 'info'  # worth knowing
 
 
-@dataclass(frozen=True)
-class Timing:
+class Timing(NamedTuple):
     """How fast things travel: rates in Hz, times in s.
 
     ``latency`` is the time from a switch's edge until the setpoint that answers it takes effect in
@@ -46,8 +45,7 @@ class Timing:
                 + parameters.switch_latency + parameters.switch_debounce)
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """One thing that a check has to say about an axis.
 
     ``check`` is a word that stays the same for one kind of finding; ``parameter`` the one to
@@ -86,7 +84,7 @@ class Finding:
 
     def as_dict(self) -> dict[str, object]:
         """Return it as plain values; numbers that JSON does not know are left out."""
-        plain: dict[str, object] = {**asdict(self), 'severity': str(self.severity)}
+        plain: dict[str, object] = {**self._asdict(), 'severity': str(self.severity)}
         return {name: None if isinstance(value, float) and not isfinite(value) else value
                 for name, value in plain.items()}
 

@@ -21,8 +21,8 @@ def applicable(finding: Finding, parameters: AxisParameters) -> Finding:
         return finding
     for names in [name], [name, FOLLOWS.get(name, name)]:
         if _valid(parameters, names, right):
-            return replace(finding, also=''.join(names[1:]))
-    return replace(finding, right=None)
+            return finding._replace(also=''.join(names[1:]))
+    return finding._replace(right=None)
 
 
 def _valid(parameters: AxisParameters, names: list[str], right: object) -> bool:

@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise Failure('--from is one start, --all-starts are all: give one of them')
     if arguments.all_starts and arguments.save and arguments.save.suffix != '.csv':
         raise Failure(f'{arguments.save}: the table of --all-starts is saved as .csv')
-    timing = replace(timing_of(arguments, layout), update_rate=configuration.update_rate)
+    timing = timing_of(arguments, layout)._replace(update_rate=configuration.update_rate)
     if not arguments.json:
         _show_rates(timing)
     told: list[dict[str, object]] = []
@@ -155,7 +155,7 @@ def _place(
         raise Failure(f'--from: {arguments.start:g} is beyond the hard stops of axis {axis}, '
                       f'{low:g} and {high:g}')
     if isnan(where.index_offset):
-        where = replace(where, index_pitch=0.0, index_offset=0.0)
+        where = where._replace(index_pitch=0.0, index_offset=0.0)
     return where
 
 
