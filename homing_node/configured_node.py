@@ -1,7 +1,7 @@
 """A node whose parameters are those of configuration.py: declared, checked, given on when set."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Mapping
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -22,7 +22,7 @@ from .configuration import (
     configuration,
 )
 from .parameters import AxisParameters, axis_parameters
-from .spec import InvalidParameters
+from .spec import InvalidParameters, Spec
 from .states import Input
 
 #: Parameters that take effect at the start only.
@@ -50,7 +50,12 @@ class ConfiguredNode(Node, ABC):
             {key: parameter.value for key, parameter in overrides.items()})
         self.faults: dict[str, tuple[str, ...]] = {}
         self._prove(self.configuration)
-        self._declare(self.configuration.axes)
+        # That of every node is there already.
+        clock = COMMON_SPECS['use_sim_time']
+        self.set_descriptor(clock.name, convert.descriptor(clock, read_only=True))
+        self._declare(NODE_SPECS)
+        for axis in self.configuration.axes:
+            self._declare(AXIS_SPECS, f'{axis}.')
 
     def serve_parameters(self) -> None:
         """Let parameters be set from now on."""
@@ -87,18 +92,21 @@ class ConfiguredNode(Node, ABC):
             if finding.severity is Severity.warning:
                 self.get_logger().warning(finding.text)
 
-    def _declare(self, axes: Iterable[str]) -> None:
-        """Declare every parameter with its descriptor; that of `use_sim_time` is there already."""
-        clock = COMMON_SPECS['use_sim_time']
-        self.set_descriptor(clock.name, convert.descriptor(clock, read_only=True))
-        for spec in NODE_SPECS.values():
-            self.declare_parameter(spec.name, convert.plain(spec.initial),
-                                   convert.descriptor(spec, read_only=spec.name in FIXED))
-        for axis in axes:
-            self.declare_parameters(axis, [
-                (name, convert.plain(spec.initial),
-                 convert.descriptor(spec, read_only=name in FIXED))
-                for name, spec in AXIS_SPECS.items()])
+    def _declare(self, specs: Mapping[str, Spec], prefix: str = '') -> None:
+        """Declare parameters, as `declare_parameters` does, but tell of all of them in one event.
+
+        rclpy publishes an event for each, which every ROS node of the graph reads.
+        """
+        given = self._parameter_overrides
+        parameters, descriptors = [], {}
+        for key, spec in specs.items():
+            name = prefix + key
+            parameters.append(
+                given.get(name) or Parameter(name, value=convert.plain(spec.initial)))
+            descriptors[name] = convert.descriptor(spec, read_only=key in FIXED)
+        result = self._set_parameters_atomically_common(parameters, descriptors)
+        if not result.successful:
+            raise InvalidParameters([result.reason])
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters; a bad value is answered with its name, value, bound and unit.
