@@ -40,7 +40,7 @@ def running(world: World, what: str, rate: float) -> AbstractContextManager[Any]
     """Run one of the three in a world."""
     grid = grid_of(world)
     if what == NODE:
-        return world.homing_node(rate, str(grid))
+        return world.homing_node(rate, grid)
     return world.running('bare_cycle.py', f'--axes={len(world.names)}', f'--rate={rate}',
                          f'--grid={grid}', *(['--inputs'] if what == TAKING else []))
 

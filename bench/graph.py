@@ -26,6 +26,8 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 HERE = Path(__file__).resolve().parent
+#: What a user runs.
+EXECUTABLE = Path(sys.executable).with_name('homing_node')
 PATIENCE = 30.0  # s
 SWITCHES = ('home_switch', 'positive_limit_switch', 'negative_limit_switch')
 NODE = '/homing_node'
@@ -126,7 +128,7 @@ class World:
 
     @contextmanager
     def running(self, script: str, *arguments: str) -> Iterator['subprocess.Popen[bytes]']:
-        """Run a script of this folder as the process under test."""
+        """Run a script, of this folder or anywhere, as the process under test."""
         environment = {**os.environ, 'ROS_DOMAIN_ID': str(self.domain),
                        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
                        'ROS_LOG_DIR': str(self.folder / 'log')}
@@ -150,11 +152,12 @@ class World:
                 child.kill()
                 child.wait()
 
-    def homing_node(self, rate: float, grid: str = '-') -> Any:
-        """Run the homing node with all axes."""
+    def homing_node(self, rate: float, grid: Path | None = None) -> Any:
+        """Run the homing node with all axes; ``grid``: save there when its cycles were due."""
         file = self.folder / 'parameters.yaml'
         file.write_text(parameters(len(self.names), rate))
-        return self.running('under_test.py', grid, '--ros-args', '--params-file', str(file))
+        command = ['under_test.py', str(grid)] if grid else [str(EXECUTABLE)]
+        return self.running(*command, '--ros-args', '--params-file', str(file))
 
     # ------------------------------------------------------------------------------------- clients
 

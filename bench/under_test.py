@@ -1,6 +1,6 @@
 """Runs the homing node; saves when the cycles that published setpoints were due.
 
-under_test.py FILE --ros-args ...; FILE -: nothing is saved.
+under_test.py FILE --ros-args ...
 """
 
 import sys
@@ -30,8 +30,6 @@ def publishing(self: HomingNode, setpoints: Mapping[str, Setpoint]) -> None:
 
 if __name__ == '__main__':
     file = sys.argv.pop(1)
-    if file == '-':
-        sys.exit(main())
     HomingNode._cycle = cycling  # type: ignore[method-assign]
     HomingNode._publish = publishing  # type: ignore[method-assign]
     status = main()

@@ -1,7 +1,7 @@
 """The process of the homing node: its start, its executor, its end.
 
 Python's collector rests until all is there: a start leaves next to no garbage, and looking for
-some took a tenth of it.
+some took a tenth of it. The rest of the package is imported while the middleware finds the others.
 """
 
 import gc
@@ -13,13 +13,12 @@ import signal
 import sys
 import threading
 import time
+from typing import Any
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from .node import HomingNode
-from .spec import InvalidParameters
 from .transport import choose_udp
 
 #: How long the last answers may take to leave after the axes have stopped, s.
@@ -39,6 +38,27 @@ def _signal_pipe() -> int:
     return reader
 
 
+def _create_node() -> Any:
+    """Return the homing node, None where its parameters are not valid; prints why.
+
+    The middleware begins to look for others with the first node of a process and has found them
+    0.1 to 0.3 s later. So a hidden one comes first, until ours is there.
+    """
+    scout = rclpy.create_node('_homing_node', use_global_arguments=False, enable_rosout=False,
+                              start_parameter_services=False)
+    from .node import HomingNode
+    from .spec import InvalidParameters
+
+    try:
+        return HomingNode()
+    except InvalidParameters as error:
+        print('homing_node: the parameters are not valid:', *error.faults, sep='\n  ',
+              file=sys.stderr)
+        return None
+    finally:
+        scout.destroy_node()
+
+
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; return the exit status."""
     signaled = _signal_pipe()
@@ -49,11 +69,8 @@ def main(args: list[str] | None = None) -> int:
         hint = " (YAML reads an unquoted y or n as a boolean: axes: ['x', 'y'])"
         print(f'homing_node: {error}{hint if "bool" in str(error) else ""}', file=sys.stderr)
         return 1
-    try:
-        node = HomingNode()
-    except InvalidParameters as error:
-        print('homing_node: the parameters are not valid:', *error.faults, sep='\n  ',
-              file=sys.stderr)
+    node = _create_node()
+    if node is None:
         return 1
     executor = SingleThreadedExecutor()
     executor.add_node(node)

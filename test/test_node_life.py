@@ -41,6 +41,8 @@ def fault_cases():
         'a topic of another type': (
             described(topics={'home_switch': '/joint_states'}),
             ['x.topics.home_switch: cannot subscribe to /joint_states: ']),
+        'beyond every range': (
+            described(travel=1e301), ['the parameters are not valid', 'x.travel', '1e+301']),
         'unquoted y': (
             '/**:\n  ros__parameters:\n    axes: [x, y]\n',
             ['params', 'unquoted', "'y'"]),
@@ -275,18 +277,43 @@ def test_homings_in_a_row(tmp_path):
 
 # ----------------------------------------------------------------------------------- the process
 
-def test_the_collector_rests_only_while_the_node_starts(tmp_path):
+def test_the_node_starts(tmp_path):
+    """Others are looked for before the rest is imported; the collector rests only that long.
+
+    The parameters of an axis are told of at once.
+    """
     file = tmp_path / 'parameters.yaml'
     file.write_text(yaml.dump({'/**': {'ros__parameters': described()}}, Dumper=ros.PlainDumper))
     code = """
 import gc, sys
-from homing_node import main, node
-def start(node, start=node.HomingNode.start):
-    print(gc.isenabled(), gc.get_freeze_count() > 10_000)
-    start(node)
-    node.stop()
-assert not gc.isenabled()
-node.HomingNode.start = start
+import rclpy
+from homing_node import main
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.publisher import Publisher
+
+told = []  # how many new parameters each event tells of
+
+def publish(publisher, message, publish=Publisher.publish):
+    if isinstance(message, ParameterEvent):
+        told.append(len(message.new_parameters))
+    publish(publisher, message)
+
+def create_node(*arguments, create_node=rclpy.create_node, **options):
+    print(gc.isenabled(), 'homing_node.node' in sys.modules)
+    scout = create_node(*arguments, **options)
+    from homing_node.node import HomingNode
+
+    def start(node, start=HomingNode.start):
+        from homing_node.configuration import AXIS_SPECS
+        print(gc.isenabled(), gc.get_freeze_count() > 10_000, node.get_node_names(),
+              told.count(len(AXIS_SPECS)))
+        start(node)
+        node.stop()
+
+    HomingNode.start = start
+    return scout
+
+rclpy.create_node, Publisher.publish = create_node, publish
 sys.exit(main.main())
 """
     domain = ros.Domain()
@@ -296,7 +323,7 @@ sys.exit(main.main())
         timeout=ros.PATIENCE)
     domain.release()
     assert ended.returncode == 0, ended.stderr
-    assert ended.stdout == 'True True\n'
+    assert ended.stdout == "False False\nTrue True ['homing_node'] 1\n"
 
 
 # ------------------------------------------------------------------------------------- the demo
