@@ -19,6 +19,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from .spec import InvalidParameters
 from .transport import choose_udp
 
 #: How long the last answers may take to leave after the axes have stopped, s.
@@ -39,7 +40,7 @@ def _signal_pipe() -> int:
 
 
 def _create_node() -> Any:
-    """Return the homing node, None where its parameters are not valid; prints why.
+    """Return the homing node; raises InvalidParameters.
 
     The middleware begins to look for others with the first node of a process and has found them
     0.1 to 0.3 s later. So a hidden one comes first, until ours is there.
@@ -47,14 +48,8 @@ def _create_node() -> Any:
     scout = rclpy.create_node('_homing_node', use_global_arguments=False, enable_rosout=False,
                               start_parameter_services=False)
     from .node import HomingNode
-    from .spec import InvalidParameters
-
     try:
         return HomingNode()
-    except InvalidParameters as error:
-        print('homing_node: the parameters are not valid:', *error.faults, sep='\n  ',
-              file=sys.stderr)
-        return None
     finally:
         scout.destroy_node()
 
@@ -69,8 +64,11 @@ def main(args: list[str] | None = None) -> int:
         hint = " (YAML reads an unquoted y or n as a boolean: axes: ['x', 'y'])"
         print(f'homing_node: {error}{hint if "bool" in str(error) else ""}', file=sys.stderr)
         return 1
-    node = _create_node()
-    if node is None:
+    try:
+        node = _create_node()
+    except InvalidParameters as error:
+        print('homing_node: the parameters are not valid:', *error.faults, sep='\n  ',
+              file=sys.stderr)
         return 1
     executor = SingleThreadedExecutor()
     executor.add_node(node)
