@@ -25,6 +25,8 @@ STATE_PERIOD = 0.1
 STATES_AT_ONCE = 8
 JOINT_STATES_PERIOD = 0.02
 DIAGNOSTICS_PERIOD = 1.0
+#: How long the node stays after its last report, s.
+LINGER = 0.1
 
 Publish = Callable[[Any], None]
 
@@ -101,7 +103,11 @@ class Reports:
         return True
 
     def run(self, ended: Callable[[], bool]) -> None:
-        """Publish until the node has ended and all that was queued is out."""
+        """Publish until the node has ended and all that was queued is out.
+
+        Listeners drop what they have not read when they hear of our end: that waits a little.
+        """
+        told = -LINGER
         timetable = dict.fromkeys(
             (self._next_states, self._feedback, self._joint_states, self._diagnostics),
             time.monotonic())
@@ -110,10 +116,12 @@ class Reports:
             try:
                 publish, message = self._queue.get(timeout=max(0.0, due - time.monotonic()))
                 publish(message)
+                told = time.monotonic()
             except Empty:
                 with self._lock:  # behind what the cycle has queued: states leave in their order
                     pause = report()
                 timetable[report] = max(due, time.monotonic() - pause) + pause
+        time.sleep(max(0.0, told + LINGER - time.monotonic()))
 
     def follow(self, goal: Any, names: Sequence[str]) -> None:
         """Send a goal of the action feedback about its axes."""

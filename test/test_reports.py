@@ -13,7 +13,7 @@ from core_rig import rig
 from homing_node import reports
 from homing_node.axis import Axis
 from homing_node.outcome import Outcome
-from homing_node.reports import STATES_AT_ONCE, Publishers, Reports
+from homing_node.reports import LINGER, STATES_AT_ONCE, Publishers, Reports
 from homing_node.states import Error
 
 
@@ -73,6 +73,15 @@ def test_axes_that_rest_are_not_told_of():
     watched.axes['a1'].machine = None
     watched.publish(lambda states: len(states) >= 6)
     assert Counter(message.axis for message in watched.of('states')) == {'a0': 3, 'a2': 3}
+
+
+@pytest.mark.parametrize(('states', 'pause'), [(0, 0.0), (1, LINGER)])
+def test_the_node_stays_until_its_last_report_is_there(monkeypatch, states, pause):
+    watched, slept = Watched(1), []
+    monkeypatch.setattr(reports, 'time', SimpleNamespace(
+        monotonic=lambda: 5.0, sleep=slept.append))
+    watched.publish(lambda told: len(told) >= states)
+    assert slept == [pytest.approx(pause)]
 
 
 def test_what_changes_is_told_at_once_and_once():
@@ -136,7 +145,8 @@ def test_what_comes_by_time_always_comes(monkeypatch):
     """However short the wait is: that of queue.SimpleQueue may never end (Python up to 3.12)."""
     clock, jitter = itertools.count(), random.Random(0)
     monkeypatch.setattr(reports, 'time', SimpleNamespace(
-        monotonic=lambda: 4e-7 * next(clock) + jitter.uniform(0.0, 3e-6)))
+        monotonic=lambda: 4e-7 * next(clock) + jitter.uniform(0.0, 3e-6),
+        sleep=lambda _: None))
     monkeypatch.setattr(reports, 'STATE_PERIOD', math.inf)
     monkeypatch.setattr(reports, 'DIAGNOSTICS_PERIOD', 1.1e-6)
     monkeypatch.setattr(reports.convert, 'diagnostics', lambda *_: None)
