@@ -101,12 +101,12 @@ class ConfiguredNode(Node, ABC):
         parameters, descriptors = [], {}
         for key, spec in specs.items():
             name = prefix + key
-            parameters.append(
-                given.get(name) or Parameter(name, value=convert.plain(spec.initial)))
+            value = convert.plain(spec.initial)
+            kind = Parameter.Type.STRING_ARRAY if isinstance(value, list) else None  # also of []
+            parameters.append(given.get(name) or Parameter(name, kind, value))
             descriptors[name] = convert.descriptor(spec, read_only=key in FIXED)
         result = self._set_parameters_atomically_common(parameters, descriptors)
-        if not result.successful:
-            raise InvalidParameters([result.reason])
+        assert result.successful, result.reason
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters; a bad value is answered with its name, value, bound and unit.

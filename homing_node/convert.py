@@ -19,7 +19,7 @@ from std_msgs.msg import Float64MultiArray
 from .axis import Axis
 from .cdr import NS
 from .outcome import Outcome
-from .spec import Spec
+from .spec import LARGEST, Spec
 from .states import Error
 
 
@@ -37,7 +37,7 @@ def descriptor(spec: Spec, read_only: bool = False) -> ParameterDescriptor:
     bounded = math.isfinite(spec.minimum) or math.isfinite(spec.maximum)
     if spec.kind is float and bounded:
         described.floating_point_range = [FloatingPointRange(
-            from_value=max(spec.minimum, -1e300), to_value=min(spec.maximum, 1e300))]
+            from_value=max(spec.minimum, -LARGEST), to_value=min(spec.maximum, LARGEST))]
     elif spec.kind is int and bounded:
         described.integer_range = [IntegerRange(
             from_value=int(max(spec.minimum, -2**31)), to_value=int(min(spec.maximum, 2**31)))]

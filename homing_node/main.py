@@ -13,14 +13,18 @@ import signal
 import sys
 import threading
 import time
-from typing import Any
+from typing import TYPE_CHECKING
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from .spec import InvalidParameters
 from .transport import choose_udp
+
+if TYPE_CHECKING:
+    from .node import HomingNode
 
 #: How long the last answers may take to leave after the axes have stopped, s.
 FAREWELL = 1.0
@@ -39,16 +43,19 @@ def _signal_pipe() -> int:
     return reader
 
 
-def _create_node() -> Any:
+def _create_node() -> 'HomingNode':
     """Return the homing node; raises InvalidParameters.
 
     The middleware begins to look for others with the first node of a process and has found them
-    0.1 to 0.3 s later. So a hidden one comes first, until ours is there.
+    0.1 to 0.3 s later. So a hidden one comes first, and ours is imported meanwhile. It has no
+    services: that of its types would stay when it is gone.
     """
-    scout = rclpy.create_node('_homing_node', use_global_arguments=False, enable_rosout=False,
-                              start_parameter_services=False)
-    from .node import HomingNode
+    scout = rclpy.create_node(
+        '_homing_node', use_global_arguments=False, enable_rosout=False,
+        start_parameter_services=False,
+        parameter_overrides=[Parameter('start_type_description_service', value=False)])
     try:
+        from .node import HomingNode
         return HomingNode()
     finally:
         scout.destroy_node()

@@ -19,6 +19,9 @@ class InvalidParameters(ValueError):
 
 REQUIRED: Any = object()
 
+#: The largest number that a parameter can have; the range in its descriptor tells of it.
+LARGEST = 1e300
+
 
 class Spec(NamedTuple):
     """What is known of one parameter: its kind, unit, bounds and meaning."""
@@ -77,9 +80,10 @@ class Spec(NamedTuple):
                 + (f' ({self.unit})' if self.unit else ''))
         if isinstance(value, int | float):
             below = value <= self.minimum if self.open_minimum else value < self.minimum
-            if not math.isfinite(value) or below or value > self.maximum:
-                finite = '' if math.isfinite(value) else 'finite'
-                bounds = ' and '.join(filter(None, (finite, self.bounds)))
+            huge = not abs(value) <= LARGEST
+            if huge or below or value > self.maximum:
+                size = '' if not huge else f'<= {LARGEST:g}' if math.isfinite(value) else 'finite'
+                bounds = ' and '.join(filter(None, (size, self.bounds)))
                 raise ValueError(f'{self.name}: {value!r} {self.unit} must be {bounds} {self.unit}'
                                  .replace('  ', ' ').rstrip())
         return value

@@ -291,11 +291,12 @@ def test_parameters_are_described(client):
     assert 'HSReverseZPulse' in kind.additional_constraints
     assert axes.read_only
     assert pulses.integer_range[0].from_value == 0
+    names.append('home_sequence')  # empty here
     types = client.ask(GetParameterTypes, 'get_parameter_types', names=names).types
     assert list(types) == [
         ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_STRING,
         ParameterType.PARAMETER_STRING_ARRAY, ParameterType.PARAMETER_INTEGER,
-        ParameterType.PARAMETER_DOUBLE]
+        ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_STRING_ARRAY]
 
 
 def test_an_integer_is_a_real_number(client):
