@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from .spec import InvalidParameters
@@ -47,18 +47,17 @@ def _create_node() -> 'HomingNode':
     """Return the homing node; raises InvalidParameters.
 
     The middleware begins to look for others with the first node of a process and has found them
-    0.1 to 0.3 s later. So a hidden one comes first, and ours is imported meanwhile. It has no
-    services: that of its types would stay when it is gone.
+    0.1 to 0.3 s later. So a hidden one comes first, and ours is imported meanwhile. Unlike rclpy's
+    own nodes it has no publisher and no service: others could miss ours because those were gone.
     """
-    scout = rclpy.create_node(
-        '_homing_node', use_global_arguments=False, enable_rosout=False,
-        start_parameter_services=False,
-        parameter_overrides=[Parameter('start_type_description_service', value=False)])
+    context = rclpy.get_default_context().handle
+    with context:
+        scout = rclpy_implementation.Node('_homing_node', '/', context, None, False, False)
     try:
         from .node import HomingNode
         return HomingNode()
     finally:
-        scout.destroy_node()
+        scout.destroy_when_not_in_use()
 
 
 def main(args: list[str] | None = None) -> int:

@@ -287,7 +287,7 @@ def test_the_node_starts(tmp_path):
     file.write_text(yaml.dump({'/**': {'ros__parameters': described()}}, Dumper=ros.PlainDumper))
     code = """
 import gc, sys
-import rclpy
+from types import SimpleNamespace
 from homing_node import main
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.publisher import Publisher
@@ -299,9 +299,9 @@ def publish(publisher, message, publish=Publisher.publish):
         told.append(len(message.new_parameters))
     publish(publisher, message)
 
-def create_node(*arguments, create_node=rclpy.create_node, **options):
+def create_scout(*arguments, create=main.rclpy_implementation.Node):
     print(gc.isenabled(), 'homing_node.node' in sys.modules)
-    scout = create_node(*arguments, **options)
+    scout = create(*arguments)
     from homing_node.node import HomingNode
 
     def start(node, start=HomingNode.start):
@@ -315,7 +315,8 @@ def create_node(*arguments, create_node=rclpy.create_node, **options):
     HomingNode.start = start
     return scout
 
-rclpy.create_node, Publisher.publish = create_node, publish
+main.rclpy_implementation = SimpleNamespace(Node=create_scout)
+Publisher.publish = publish
 sys.exit(main.main())
 """
     domain = ros.Domain()
