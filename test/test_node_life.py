@@ -302,6 +302,8 @@ def publish(publisher, message, publish=Publisher.publish):
 def create_scout(*arguments, create=main.rclpy_implementation.Node):
     print(gc.isenabled(), 'homing_node.node' in sys.modules)
     scout = create(*arguments)
+    print(main.rclpy_implementation.rclpy_get_topic_names_and_types(scout, False),
+          main.rclpy_implementation.rclpy_get_service_names_and_types(scout))
     from homing_node.node import HomingNode
 
     def start(node, start=HomingNode.start):
@@ -315,7 +317,8 @@ def create_scout(*arguments, create=main.rclpy_implementation.Node):
     HomingNode.start = start
     return scout
 
-main.rclpy_implementation = SimpleNamespace(Node=create_scout)
+main.rclpy_implementation = SimpleNamespace(
+    **{**vars(main.rclpy_implementation), 'Node': create_scout})
 Publisher.publish = publish
 sys.exit(main.main())
 """
@@ -326,7 +329,7 @@ sys.exit(main.main())
         timeout=ros.PATIENCE)
     domain.release()
     assert ended.returncode == 0, ended.stderr
-    assert ended.stdout == "False False\nTrue True 1\n['homing_node'] []\n"
+    assert ended.stdout == "False False\n[] []\nTrue True 1\n['homing_node'] []\n"
 
 
 # ------------------------------------------------------------------------------------- the demo
