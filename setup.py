@@ -4,12 +4,12 @@ import os
 from glob import glob
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import find_packages, setup
 
 package = 'homing_node'
 executables = {
-    'homing_node': 'homing_node.main:main',
-    'simulated_axes': 'homing_node.simulation_node:main',
+    'homing_node': 'homing_node.ros.main:main',
+    'simulated_axes': 'homing_node.ros.simulated_axes:main',
     'homing': 'homing_node.cli:main',
 }
 data_files = [
@@ -40,8 +40,8 @@ else:
 setup(
     name=package,
     version='0.1.0',
-    packages=[package, f'{package}.check', f'{package}.cli'],
-    package_data={package: ['*.xml']},
+    packages=find_packages(include=[package, f'{package}.*']),
+    package_data={f'{package}.ros': ['*.xml']},
     data_files=data_files,
     python_requires='>=3.10',
     install_requires=requirements,

@@ -17,10 +17,10 @@ from figures import Figure, nth
 from matplotlib import figure as plots
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from homing_node.layout import AxisLayout, SwitchLayout
-from homing_node.palette import BLUE, GREEN, INK, VERMILLION
-from homing_node.parameters import axis_parameters
-from homing_node.rehearsal import Rehearsal, Transport
+from homing_node.figures.palette import BLUE, GREEN, INK, VERMILLION
+from homing_node.parameters.axis import axis_parameters
+from homing_node.plant.layout import AxisLayout, SwitchLayout
+from homing_node.rehearsal.run import Rehearsal, Transport
 
 PICTURE = Path(__file__).resolve().parent.parent / 'doc' / 'accuracy.png'
 EDGE = 0.1  # m; varied by up to 1 mm

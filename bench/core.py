@@ -6,9 +6,9 @@ from functools import partial
 from figures import Figure, alternately, seconds, within
 from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig
 
-from homing_node.axis import Axis
-from homing_node.parameters import axis_parameters
-from homing_node.states import Input
+from homing_node.core.axis import Axis
+from homing_node.parameters.axis import axis_parameters
+from homing_node.procedures.states import Input
 
 PERIOD = 0.004
 #: An axis that searches for as long as a benchmark likes; its feedback may stand still.

@@ -16,9 +16,10 @@ from typing import NamedTuple
 from figures import Figure, within
 from ruckig import ControlInterface, InputParameter, Ruckig, Trajectory
 
-from homing_node.layout import AxisLayout, SwitchLayout
-from homing_node.parameters import AxisParameters, axis_parameters
-from homing_node.rehearsal import Course, Rehearsal, Sample, Transport
+from homing_node.course import Course, Sample
+from homing_node.parameters.axis import AxisParameters, axis_parameters
+from homing_node.plant.layout import AxisLayout, SwitchLayout
+from homing_node.rehearsal.run import Rehearsal, Transport
 
 FAST, SLOW, ACCELERATION, JERK = 0.05, 0.005, 1.0, 100.0
 LAYOUT = AxisLayout(

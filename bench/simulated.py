@@ -8,8 +8,8 @@ from figures import Figure, alternately, seconds
 from homing_time import LAYOUT, parameters
 from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig
 
-from homing_node.rehearsal import PLANT_STEP, Rehearsal, Transport
-from homing_node.simulation import SimulatedAxis
+from homing_node.plant.simulated_axis import SimulatedAxis
+from homing_node.rehearsal.run import PLANT_STEP, Rehearsal, Transport
 
 GOAL = 100.0
 

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 from grid import Grid
 
-from homing_node.axis import Setpoint
-from homing_node.main import main
-from homing_node.node import HomingNode
+from homing_node.core.axis import Setpoint
+from homing_node.ros.main import main
+from homing_node.ros.node import HomingNode
 
 grid = Grid()
 cycle, publish = HomingNode._cycle, HomingNode._publish

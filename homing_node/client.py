@@ -33,9 +33,8 @@ from std_msgs.msg import Bool, Float64
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from .rehearsal import Course, Sample
-from .simulation import Happening
-from .states import LATCHES, Input, State
+from .course import Course, Happening, Sample
+from .procedures.states import LATCHES, Input, State
 
 #: How a request is refused where an input was not heard yet; nothing has moved then.
 UNHEARD = ('no feedback yet', 'no message yet', 'nobody publishes')

@@ -24,13 +24,13 @@ import yaml  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.text import Text  # noqa: E402
 
-from homing_node import plot  # noqa: E402
-from homing_node.axis import Outcome  # noqa: E402
+from homing_node.figures import plot  # noqa: E402
 from homing_node.client import HomingClient  # noqa: E402
-from homing_node.layout import layouts_from  # noqa: E402
-from homing_node.palette import state_colour  # noqa: E402
-from homing_node.rehearsal import Course  # noqa: E402
-from homing_node.states import Error  # noqa: E402
+from homing_node.core.axis import Outcome  # noqa: E402
+from homing_node.figures.palette import state_colour  # noqa: E402
+from homing_node.plant.layout import layouts_from  # noqa: E402
+from homing_node.procedures.states import Error  # noqa: E402
+from homing_node.course import Course  # noqa: E402
 
 console = Console(highlight=False)
 

@@ -11,13 +11,13 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
-from homing_node.diagram import mermaid
-from homing_node.diagram_svg import svg
-from homing_node.examples import BEYOND, EXAMPLES
-from homing_node.plot import POSITION_DIAGRAM, PROFILE, figure
-from homing_node.procedures import PROCEDURES, Procedure
-from homing_node.rehearsal import rehearse
-from homing_node.states import HomeType, State, Tier
+from homing_node.figures.diagram import mermaid
+from homing_node.figures.diagram_svg import svg
+from homing_node.figures.plot import POSITION_DIAGRAM, PROFILE, figure
+from homing_node.procedures.states import HomeType, State, Tier
+from homing_node.procedures.tables import PROCEDURES, Procedure
+from homing_node.rehearsal.examples import BEYOND, EXAMPLES
+from homing_node.rehearsal.run import rehearse
 
 ROOT = Path(__file__).resolve().parent.parent
 TYPES = ROOT / 'doc' / 'types'

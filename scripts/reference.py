@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from homing_node.configuration import NODE_SPECS, TOPIC_SPECS
-from homing_node.parameters import SPECS
-from homing_node.spec import Spec
-from homing_node.states import LSType
+from homing_node.parameters.axis import SPECS
+from homing_node.parameters.configuration import NODE_SPECS, TOPIC_SPECS
+from homing_node.parameters.definition import Spec
+from homing_node.procedures.states import LSType
 
 PAGE = Path(__file__).resolve().parent.parent / 'doc' / 'parameters.md'
 
@@ -26,7 +26,7 @@ SECTIONS: Mapping[str, str] = {
 }
 
 HEAD = """\
-<!-- Made by `make docs` from homing_node/parameters.py and configuration.py. -->
+<!-- Made by `make docs` from homing_node/parameters/. -->
 
 # Parameters
 

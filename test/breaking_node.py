@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
-from homing_node.main import main
-from homing_node.reports import Reports
+from homing_node.ros.main import main
+from homing_node.ros.reports import Reports
 
 __all__ = ['main']
 BREAK = Path(os.environ['BREAK'])

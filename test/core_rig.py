@@ -7,12 +7,13 @@ direction. It is 100 mm long, from 0 to 0.1 m.
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from homing_node.layout import AxisLayout, SwitchLayout, mirrored
-from homing_node.parameters import AxisParameters, axis_parameters
-from homing_node.procedures import PROCEDURES
-from homing_node.rehearsal import DIRECT, Course, Rehearsal, Transport
-from homing_node.simulation import Happening, _Switch
-from homing_node.states import Error, HomeType, Input, State, Tier
+from homing_node.course import Course, Happening
+from homing_node.parameters.axis import AxisParameters, axis_parameters
+from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
+from homing_node.plant.simulated_axis import _Switch
+from homing_node.procedures.states import Error, HomeType, Input, State, Tier
+from homing_node.procedures.tables import PROCEDURES
+from homing_node.rehearsal.run import DIRECT, Rehearsal, Transport
 
 TYPES = tuple(HomeType)
 REVERSING = TYPES[:8]

@@ -21,11 +21,11 @@ from core_rig import (
     rig,
 )
 
-from homing_node import faults as f
-from homing_node.faults import FaultyRehearsal, past
-from homing_node.layout import SwitchLayout, mirrored
-from homing_node.request import Request
-from homing_node.states import Error, HomeType, Input
+from homing_node.core.request import Request
+from homing_node.plant.layout import SwitchLayout, mirrored
+from homing_node.procedures.states import Error, HomeType, Input
+from homing_node.rehearsal.message_faults import FaultyRehearsal, past
+from homing_node.rehearsal import message_faults as f
 
 #: What a stop from the fast velocity takes at most, m: v^2 / 2a + v a / 2j + a cycle of travel,
 #: and the same again while it still accelerates (v a / j).

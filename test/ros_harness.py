@@ -52,7 +52,7 @@ os.environ.update(ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_PYTHON_CHECK_FI
 #: Their ports lie beyond those that Linux gives to clients; people and programs prefer low ones.
 DOMAINS = range(215, 232)
 
-MAINS = {'homing_node': 'homing_node.main', 'simulated_axes': 'homing_node.simulation_node'}
+MAINS = {'homing_node': 'homing_node.ros.main', 'simulated_axes': 'homing_node.ros.simulated_axes'}
 
 
 def wait_for(condition, timeout=PATIENCE, what='', pump=lambda: time.sleep(0.01)):

@@ -7,10 +7,10 @@ from itertools import pairwise
 import pytest
 from core_rig import HOME, PITCH, TRUE_HOME, error_of, home_of, rig, spoilt
 
-from homing_node.layout import SwitchLayout
-from homing_node.rehearsal import Transport
-from homing_node.stamps import FALLBACK_DOUBT
-from homing_node.states import Error
+from homing_node.core.stamps import FALLBACK_DOUBT
+from homing_node.plant.layout import SwitchLayout
+from homing_node.procedures.states import Error
+from homing_node.rehearsal.run import Transport
 
 STAMP_ERROR = 1e-4
 DELAYS = [

@@ -1,126 +1,127 @@
-"""The walls of the house: which module may import which, and what the core never touches."""
+"""The walls of the house: which package may import which, and what the core never touches."""
 
 import ast
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).resolve().parent.parent / 'homing_node'
 
-#: The core: no ROS, no clock, no thread, no I/O. Each line imports only from lines above it.
-CORE = [
-    {'states', 'profile', 'stamps'},
-    {'events', 'motions', 'signals', 'history', 'spec', 'outcome'},
-    {'procedures', 'qos'},
-    {'parameters'},
-    {'configuration', 'flags', 'limits', 'mechanical_end', 'travel'},
-    {'latches', 'passes'},
-    {'machine'},
-    {'axis'},
-    {'request'},
-    {'dispatch'},
-]
-#: What the core may use of the standard library.
-PURE = {
+#: The rooms, from the ground up: each imports only from itself and from rooms above it here.
+ROOMS = ['procedures', 'parameters', 'core', 'course', 'plant', 'rehearsal', 'check', 'figures',
+         'ros', 'client', 'cli']
+#: Rooms that have no ROS, no clock, no thread and no I/O.
+PURE = ['procedures', 'core', 'course', 'check']
+#: What those may use of the standard library.
+PURE_LIBRARY = {
     'collections', 'dataclasses', 'difflib', 'enum', 'functools', 'itertools', 'math', 're',
     'statistics', 'types', 'typing'}
-#: The ROS shell: the only modules that know ROS.
-SHELL = {'main', 'node', 'configured_node', 'inputs', 'arrivals', 'services', 'reports',
-         'convert', 'cdr', 'simulation_node', 'client'}
-#: What the node uses besides the core and its own shell.
-OF_THE_NODE = {'timebase', 'transport', 'check', 'layout'}
+#: The rooms that know ROS.
+ROS_ROOMS = ['ros', 'client']
+#: What the node never needs.
+TOOLS = {'rehearsal', 'figures', 'cli', 'client', 'course'}
 ROS = {'rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'homing_interfaces', 'rcl_interfaces',
        'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs'}
+THIRD = {'matplotlib', 'numpy', 'rich', 'ruckig', 'yaml'}
+
+FILES = [path for path in sorted(PACKAGE.rglob('*.py')) if path != PACKAGE / '__init__.py']
+each_file = pytest.mark.parametrize('path', FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
 
 
+def room_of(path):
+    """Return the package within ours that a file belongs to, or the name of a module on top."""
+    return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
+
+
+@cache
 def imports_of(path):
-    """Return the modules that a file imports: our own by their name, others by their first."""
+    """Return the modules that a file imports: our own by their path, others by their first."""
     own, others = set(), set()
+    here = path.relative_to(PACKAGE).parts[:-1]
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             others |= {alias.name.partition('.')[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and not node.level:
             others.add(node.module.partition('.')[0])
         elif isinstance(node, ast.ImportFrom):
-            inside = path.parent != PACKAGE and node.level == 1  # of a package in the package
-            if inside:
-                own.add(path.parent.name)
-            elif node.module:
-                own.add(node.module.partition('.')[0])
-            else:
-                own |= {alias.name for alias in node.names}
+            base = [*here[:len(here) - node.level + 1], *(node.module or '').split('.')]
+            base = [part for part in base if part]
+            own |= {'/'.join([*base, alias.name]) for alias in node.names}
     return own, others
 
 
-def module_of(path):
-    """Return the module, or the package within ours, that a file belongs to."""
-    return path.stem if path.parent == PACKAGE else path.parent.name
+def file_of(name):
+    """Return the file that an imported name stands in: of a module, or of a package."""
+    parts = name.split('/')
+    while parts:
+        path = PACKAGE.joinpath(*parts)
+        if path.with_suffix('.py').is_file():
+            return path.with_suffix('.py')
+        if (path / '__init__.py').is_file():
+            return path / '__init__.py'
+        parts.pop()
+    raise AssertionError(f'{name} is no module of ours')
 
 
-FILES = [path for path in sorted(PACKAGE.rglob('*.py')) if path.parent != PACKAGE
-         or path.stem != '__init__']
-IMPORTS = {path: imports_of(path) for path in FILES}
-MODULES = {module_of(path) for path in FILES}
-each_file = pytest.mark.parametrize('path', FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-
-
-def needed_by(module):
-    """Return all modules that a module imports, however far away."""
-    found, left = set(), [module]
+@cache
+def needed_by(path):
+    """Return all files that a file imports, however far away."""
+    found, left = set(), [path]
     while left:
         one = left.pop()
-        found.add(one)
-        left += {name for path, (own, _) in IMPORTS.items() if module_of(path) == one
-                 for name in own} - found
+        if one not in found:
+            found.add(one)
+            left += [file_of(name) for name in imports_of(one)[0] if '/' in name]
     return found
 
 
-def test_every_named_module_is_there():
-    assert {name for layer in CORE for name in layer} | SHELL | OF_THE_NODE <= MODULES
+def test_every_room_is_named():
+    assert {room_of(path) for path in FILES} == set(ROOMS)
 
 
-@pytest.mark.parametrize('line', range(len(CORE)), ids=lambda i: '-'.join(sorted(CORE[i])))
-def test_the_core_is_built_in_layers(line):
-    below = set().union(*CORE[:line])
-    for module in CORE[line]:
-        own, others = IMPORTS[PACKAGE / f'{module}.py']
-        assert own <= below, module
-        assert others <= PURE | ({'ruckig'} if module == 'profile' else set()), module
+@each_file
+def test_a_room_imports_only_from_rooms_above_it(path):
+    own, _ = imports_of(path)
+    above = ROOMS[:ROOMS.index(room_of(path)) + 1]
+    assert {name.split('/')[0] for name in own} <= set(above)
 
 
-@pytest.mark.parametrize('module', sorted(set().union(*CORE)))
-def test_the_core_has_no_clock_and_no_files(module):
-    names = {node.id for node in ast.walk(ast.parse((PACKAGE / f'{module}.py').read_text()))
-             if isinstance(node, ast.Name)}
-    assert not names & {'open', 'print', 'exec', 'eval', '__import__'}
+@each_file
+def test_nothing_imports_in_a_circle(path):
+    own, _ = imports_of(path)
+    for name in own:
+        assert path not in needed_by(file_of(name)) or file_of(name) == path, name
 
 
 @each_file
 def test_who_knows_what(path):
-    _, others = IMPORTS[path]
-    module = module_of(path)
-    assert 'ruckig' not in others or module == 'profile'
-    assert not others & ROS or module in SHELL
-    ours = {'homing_node'}
-    third = {'matplotlib', 'numpy', 'rich', 'ruckig', 'yaml'}
-    assert others <= ROS | third | set(sys.stdlib_module_names) - ours
+    _, others = imports_of(path)
+    room = room_of(path)
+    assert 'ruckig' not in others or path.name == 'profile.py'
+    assert not others & ROS or room in ROS_ROOMS
+    assert others <= ROS | THIRD | set(sys.stdlib_module_names) - {'homing_node'}
+    if room in PURE:
+        assert others <= PURE_LIBRARY | {'ruckig'}
+        names = {node.id for node in ast.walk(ast.parse(path.read_text()))
+                 if isinstance(node, ast.Name)}
+        assert not names & {'open', 'print', 'exec', 'eval', '__import__'}
 
 
-@pytest.mark.parametrize('module', ['cli', 'check', 'rehearsal', 'plot', 'diagram', 'record'])
-def test_the_tools_need_no_ros(module):
-    assert not needed_by(module) & SHELL
+@pytest.mark.parametrize('path', [path for path in FILES if room_of(path) not in ROS_ROOMS],
+                         ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_only_the_node_and_the_client_need_ros(path):
+    assert not {room_of(one) for one in needed_by(path)} & set(ROS_ROOMS)
 
 
 def test_the_node_needs_no_tools():
-    core = set().union(*CORE)
-    shell = SHELL - {'simulation_node', 'client'}
-    assert needed_by('main') <= core | shell | OF_THE_NODE
+    assert not {room_of(path) for path in needed_by(PACKAGE / 'ros' / 'main.py')} & TOOLS
 
 
 def test_the_tables_are_plain_data():
     """No lambda, no arithmetic and no comparison stands in a table."""
-    tree = ast.parse((PACKAGE / 'procedures.py').read_text())
+    tree = ast.parse((PACKAGE / 'procedures' / 'tables.py').read_text())
     tables = [node for node in ast.walk(tree) if isinstance(node, ast.Call)
               and getattr(node.func, 'id', '') == 'Row']
     assert len(tables) > 20

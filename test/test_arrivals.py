@@ -9,8 +9,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_harness import Domain, wait_for
 from std_msgs.msg import Bool, Float64
 
-from homing_node import arrivals
-from homing_node.arrivals import Arrivals
+from homing_node.ros import arrivals
+from homing_node.ros.arrivals import Arrivals
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -16,11 +16,11 @@ from core_rig import (
     rig,
 )
 
-from homing_node.axis import SETTLE_TIMEOUT, Axis
-from homing_node.layout import SwitchLayout
-from homing_node.parameters import AxisParameters
-from homing_node.rehearsal import Transport
-from homing_node.states import Error, HomeType, Input, State
+from homing_node.core.axis import SETTLE_TIMEOUT, Axis
+from homing_node.parameters.axis import AxisParameters
+from homing_node.plant.layout import SwitchLayout
+from homing_node.procedures.states import Error, HomeType, Input, State
+from homing_node.rehearsal.run import Transport
 
 BOTH_WAYS = pytest.mark.parametrize('direction', DIRECTIONS, ids=['positive', 'negative'])
 PERIOD = 0.004

@@ -8,19 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homing_node.check import Severity, Timing, check, check_axis, errors
+from homing_node.check import Severity, check, check_axis, errors
 from homing_node.check.bounds import Bounds
 from homing_node.check.ends import Ends
 from homing_node.check.finding import down, up
-from homing_node.check.geometry import Geometry, true_home
 from homing_node.check.stopping import stopping_distance
-from homing_node.configuration import configuration
-from homing_node.examples import EXAMPLES
-from homing_node.layout import AxisLayout, SwitchLayout, mirrored
-from homing_node.motions import Way
-from homing_node.parameters import SPECS, axis_parameters
-from homing_node.states import HomeType, Input
-from homing_node.sweep import rehearse_from, transport_of
+from homing_node.parameters.axis import SPECS, axis_parameters
+from homing_node.parameters.configuration import configuration
+from homing_node.plant.geometry import Geometry, true_home
+from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
+from homing_node.plant.timing import Timing
+from homing_node.procedures.motions import Way
+from homing_node.procedures.states import HomeType, Input
+from homing_node.rehearsal.examples import EXAMPLES
+from homing_node.rehearsal.sweep import rehearse_from, transport_of
 
 ERROR, WARNING, INFO = Severity.error, Severity.warning, Severity.info
 HS, AHEAD, BEHIND = 'home_switch', 'positive_limit_switch', 'negative_limit_switch'

@@ -12,13 +12,13 @@ from time import process_time
 import pytest
 import yaml
 
-from homing_node import record
-from homing_node.check.finding import Timing
 from homing_node.cli import main
-from homing_node.examples import EXAMPLES
-from homing_node.parameters import SPECS
-from homing_node.states import HomeType
-from homing_node.sweep import rehearse_from, starts, transport_of
+from homing_node.figures import record
+from homing_node.parameters.axis import SPECS
+from homing_node.plant.timing import Timing
+from homing_node.procedures.states import HomeType
+from homing_node.rehearsal.examples import EXAMPLES
+from homing_node.rehearsal.sweep import rehearse_from, starts, transport_of
 
 CONFIG = Path(__file__).parent.parent / 'config'
 PLANT = str(CONFIG / 'simulated_axes.yaml')

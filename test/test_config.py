@@ -9,12 +9,12 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from homing_node.layout import AxisLayout, SwitchLayout
-from homing_node.rehearsal import rehearse
-from homing_node.simulation_node import settings_from
-from homing_node.spec import InvalidParameters
-from homing_node.states import Error
-from homing_node.yaml_file import load, read
+from homing_node.parameters.definition import InvalidParameters
+from homing_node.parameters.yaml_file import load, read
+from homing_node.plant.layout import AxisLayout, SwitchLayout
+from homing_node.procedures.states import Error
+from homing_node.rehearsal.run import rehearse
+from homing_node.ros.simulated_axes import settings_from
 
 CONFIG = Path(__file__).resolve().parent.parent / 'config'
 HYSTERESIS = 0.00005

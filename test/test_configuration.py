@@ -2,7 +2,8 @@
 
 import pytest
 
-from homing_node.configuration import (
+from homing_node.parameters.axis import SPECS
+from homing_node.parameters.configuration import (
     AXIS_SPECS,
     NODE_SPECS,
     RESERVED,
@@ -12,9 +13,8 @@ from homing_node.configuration import (
     configuration,
     home_sequence,
 )
-from homing_node.parameters import SPECS
-from homing_node.spec import InvalidParameters
-from homing_node.states import HomeType, Input
+from homing_node.parameters.definition import InvalidParameters
+from homing_node.procedures.states import HomeType, Input
 
 QOS = 'qos_overrides./homing_node/x/home_switch.subscription'
 AXIS = {'home_type': 'HS', 'travel': 0.2}

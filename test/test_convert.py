@@ -6,12 +6,12 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool, Float64
 
-from homing_node import convert
-from homing_node.axis import Axis
-from homing_node.configuration import AXIS_SPECS, NODE_SPECS
-from homing_node.outcome import Outcome
-from homing_node.parameters import axis_parameters
-from homing_node.states import Error, Input
+from homing_node.core.axis import Axis
+from homing_node.core.outcome import Outcome
+from homing_node.parameters.axis import axis_parameters
+from homing_node.parameters.configuration import AXIS_SPECS, NODE_SPECS
+from homing_node.procedures.states import Error, Input
+from homing_node.ros import convert
 
 
 @pytest.fixture

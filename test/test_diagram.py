@@ -8,11 +8,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-from homing_node.diagram import arrows, bounds, boxes, mermaid
-from homing_node.diagram_svg import svg
-from homing_node.motions import Kind
-from homing_node.procedures import HOMED, PROCEDURES, Procedure
-from homing_node.states import HomeType, State
+from homing_node.figures.diagram import arrows, bounds, boxes, mermaid
+from homing_node.figures.diagram_svg import svg
+from homing_node.procedures.motions import Kind
+from homing_node.procedures.states import HomeType, State
+from homing_node.procedures.tables import HOMED, PROCEDURES, Procedure
 
 TYPES = Path(__file__).resolve().parent.parent / 'doc' / 'types'
 every_type = pytest.mark.parametrize(

@@ -3,9 +3,9 @@
 import pytest
 from test_request import FakeAxis, running
 
-from homing_node.dispatch import Answer, Dispatch
-from homing_node.outcome import Outcome
-from homing_node.states import Error
+from homing_node.core.dispatch import Answer, Dispatch
+from homing_node.core.outcome import Outcome
+from homing_node.procedures.states import Error
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from core_rig import DIRECTIONS
 from fault_scenarios import BETWEEN, CASES, ELSEWHERE, HSHS, faulty
 
 from homing_node.check import check_axis
-from homing_node.states import Error, State
+from homing_node.procedures.states import Error, State
 
 ROOT = Path(__file__).resolve().parent.parent
 

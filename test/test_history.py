@@ -5,8 +5,8 @@ import statistics
 import pytest
 from core_rig import TRUE_HOME, rig
 
-from homing_node.history import REMEMBERED, History
-from homing_node.states import Error
+from homing_node.core.history import REMEMBERED, History
+from homing_node.procedures.states import Error
 
 
 def test_runs_are_counted_by_how_they_ended():

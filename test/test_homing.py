@@ -36,11 +36,11 @@ from core_rig import (
     with_another_flag,
 )
 
-from homing_node.layout import SwitchLayout
-from homing_node.machine import Machine
-from homing_node.procedures import PROCEDURES
-from homing_node.rehearsal import Transport
-from homing_node.states import Error, HomeType, Input
+from homing_node.core.machine import Machine
+from homing_node.plant.layout import SwitchLayout
+from homing_node.procedures.states import Error, HomeType, Input
+from homing_node.procedures.tables import PROCEDURES
+from homing_node.rehearsal.run import Transport
 
 BOTH_WAYS = pytest.mark.parametrize('direction', DIRECTIONS, ids=['positive', 'negative'])
 SEARCHING_TYPES = pytest.mark.parametrize('home_type', TRUE_HOME, ids=str)

@@ -13,10 +13,10 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
-from homing_node.axis import Axis
-from homing_node.inputs import MANY_FEEDS, Inputs
-from homing_node.states import Error, Input
-from homing_node.timebase import TimeBase
+from homing_node.core.axis import Axis
+from homing_node.procedures.states import Error, Input
+from homing_node.ros.inputs import MANY_FEEDS, Inputs
+from homing_node.ros.timebase import TimeBase
 
 
 class Subscription:

@@ -26,10 +26,10 @@ from core_rig import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homing_node.layout import SwitchLayout
-from homing_node.parameters import SPECS
-from homing_node.rehearsal import Transport
-from homing_node.states import Error, HomeType
+from homing_node.parameters.axis import SPECS
+from homing_node.plant.layout import SwitchLayout
+from homing_node.procedures.states import Error, HomeType
+from homing_node.rehearsal.run import Transport
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 import pytest
 from core_rig import rig
 
-from homing_node.events import Event
-from homing_node.latches import Latches
-from homing_node.motions import Way
-from homing_node.states import Error, Input
+from homing_node.core.latches import Latches
+from homing_node.procedures.events import Event
+from homing_node.procedures.motions import Way
+from homing_node.procedures.states import Error, Input
 
 BOTH_WAYS = pytest.mark.parametrize('way', [Way.TOWARD, Way.AWAY])
 PULSE = Input.Z_PULSE

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from homing_node.layout import SwitchLayout
-from homing_node.layout_file import InvalidLayout, load
+from homing_node.plant.layout import SwitchLayout
+from homing_node.plant.layout_file import InvalidLayout, load
 
 CONFIG = Path(__file__).parent.parent / 'config'
 

@@ -3,11 +3,11 @@
 import pytest
 from core_rig import LIMIT_TYPES, QUICK, TYPES, rig
 
-from homing_node.limits import Action, LimitSwitches, limits_of, ls_action
-from homing_node.motions import Way
-from homing_node.parameters import axis_parameters
-from homing_node.signals import Edge, Switch
-from homing_node.states import LIMIT_SWITCHES, Input, LSType, Role, Tier
+from homing_node.core.limits import Action, LimitSwitches, limits_of, ls_action
+from homing_node.core.signals import Edge, Switch
+from homing_node.parameters.axis import axis_parameters
+from homing_node.procedures.motions import Way
+from homing_node.procedures.states import LIMIT_SWITCHES, Input, LSType, Role, Tier
 
 ACTIONS = {
     LSType.none: None,

@@ -3,11 +3,14 @@
 import pytest
 from core_rig import HS, LIMIT_AHEAD, LIMIT_BEHIND, NEAR_AHEAD, error_of, furthest, rig
 
-from homing_node.events import Event
-from homing_node.layout import SwitchLayout
-from homing_node.machine import Machine
-from homing_node.outcome import Fault
-from homing_node.procedures import (
+from homing_node.core.machine import Machine
+from homing_node.core.outcome import Fault
+from homing_node.core.profile import Profile
+from homing_node.core.signals import Edge, Switch
+from homing_node.plant.layout import SwitchLayout
+from homing_node.procedures.events import Event
+from homing_node.procedures.states import Error, Input, State
+from homing_node.procedures.tables import (
     HOME_SHIFT,
     HOME_SHIFT_MOVE,
     HS_CLEAR_REVERSE,
@@ -23,9 +26,6 @@ from homing_node.procedures import (
     Z_PULSE_SEARCH_REVERSE,
     Z_PULSE_SEARCH_REVERSE_ARMED,
 )
-from homing_node.profile import Profile
-from homing_node.signals import Edge, Switch
-from homing_node.states import Error, Input, State
 
 PERIOD = 0.004
 

@@ -289,7 +289,7 @@ def test_parameters_that_are_no_yaml(tmp_path, content):
     """They end the start with a message, whatever they are."""
     file = tmp_path / 'bad.yaml'
     file.write_bytes(content)
-    code = 'import sys; from homing_node.main import main; sys.exit(main())'
+    code = 'import sys; from homing_node.ros.main import main; sys.exit(main())'
     ended = subprocess.run(
         [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)],
         capture_output=True, timeout=ros.PATIENCE, check=False)

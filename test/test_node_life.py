@@ -288,7 +288,7 @@ def test_the_node_starts(tmp_path):
     code = """
 import gc, sys
 from types import SimpleNamespace
-from homing_node import main
+from homing_node.ros import main
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.publisher import Publisher
 
@@ -300,14 +300,14 @@ def publish(publisher, message, publish=Publisher.publish):
     publish(publisher, message)
 
 def create_scout(*arguments, create=main.rclpy_implementation.Node):
-    print(gc.isenabled(), 'homing_node.node' in sys.modules)
+    print(gc.isenabled(), 'homing_node.ros.node' in sys.modules)
     scout = create(*arguments)
     print(main.rclpy_implementation.rclpy_get_topic_names_and_types(scout, False),
           main.rclpy_implementation.rclpy_get_service_names_and_types(scout))
-    from homing_node.node import HomingNode
+    from homing_node.ros.node import HomingNode
 
     def start(node, start=HomingNode.start):
-        from homing_node.configuration import AXIS_SPECS
+        from homing_node.parameters.configuration import AXIS_SPECS
         print(gc.isenabled(), gc.get_freeze_count() > 10_000, told.count(len(AXIS_SPECS)))
         ends = node.get_topic_names_and_types() + node.get_service_names_and_types()
         print(node.get_node_names(), [name for name, _ in ends if '_homing_node' in name])

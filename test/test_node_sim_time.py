@@ -8,7 +8,7 @@ import pytest
 import ros_harness as ros
 from trajectory_msgs.msg import JointTrajectory
 
-from homing_node.timebase import STANDSTILL
+from homing_node.ros.timebase import STANDSTILL
 
 
 @contextmanager

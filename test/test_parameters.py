@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_node.motions import Pace, Way
-from homing_node.parameters import SPECS, AxisParameters, axis_parameters, switch_inputs
-from homing_node.procedures import PROCEDURES
-from homing_node.spec import REQUIRED, InvalidParameters
-from homing_node.states import LIMIT_SWITCHES, Direction, HomeType, Input, LSType, Tier
+from homing_node.parameters.axis import SPECS, AxisParameters, axis_parameters, switch_inputs
+from homing_node.parameters.definition import REQUIRED, InvalidParameters
+from homing_node.procedures.motions import Pace, Way
+from homing_node.procedures.states import LIMIT_SWITCHES, Direction, HomeType, Input, LSType, Tier
+from homing_node.procedures.tables import PROCEDURES
 
 LEAST = {'home_type': 'HS', 'travel': 0.4}
 

@@ -12,12 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from homing_node.examples import BEYOND, EXAMPLES, Run
-from homing_node.layout import AxisLayout
-from homing_node.outcome import Outcome
-from homing_node.plot import POSITION_DIAGRAM, PROFILE, Panel, figure, save
-from homing_node.rehearsal import Course, Sample, rehearse
-from homing_node.states import Error, HomeType, State
+from homing_node.core.outcome import Outcome
+from homing_node.course import Course, Sample
+from homing_node.figures.plot import POSITION_DIAGRAM, PROFILE, Panel, figure, save
+from homing_node.plant.layout import AxisLayout
+from homing_node.procedures.states import Error, HomeType, State
+from homing_node.rehearsal.examples import BEYOND, EXAMPLES, Run
+from homing_node.rehearsal.run import rehearse
 
 HSHS = EXAMPLES[HomeType.HSHS]
 STEP = 0.02

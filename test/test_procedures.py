@@ -3,9 +3,10 @@
 import pytest
 from core_rig import HS_OFF_TYPES, LIMIT_TYPES, REVERSING, TRUE_HOME, TYPES, path, rig
 
-from homing_node.events import CONDITIONS, Event
-from homing_node.motions import AWAY_FAST, TOWARD_FAST, Bound, Kind, Pace, Way
-from homing_node.procedures import (
+from homing_node.procedures.events import CONDITIONS, Event
+from homing_node.procedures.motions import AWAY_FAST, TOWARD_FAST, Bound, Kind, Pace, Way
+from homing_node.procedures.states import HomeType, Input, Role, State, Tier
+from homing_node.procedures.tables import (
     HOME_SHIFT,
     HOMED,
     HS_SEARCH,
@@ -17,7 +18,6 @@ from homing_node.procedures import (
     home_switch_initially_on,
     limit_switch_during_homing,
 )
-from homing_node.states import HomeType, Input, Role, State, Tier
 
 EVERY_TYPE = pytest.mark.parametrize('home_type', TYPES, ids=str)
 ROWS = [(procedure, step, row)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_node.profile import Dynamics, Profile
+from homing_node.core.profile import Dynamics, Profile
 
 PERIOD = 0.004
 JERK = 50.0

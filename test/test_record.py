@@ -8,12 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homing_node import record
-from homing_node.examples import BEYOND, EXAMPLES
-from homing_node.outcome import Outcome
-from homing_node.rehearsal import Course, Sample
-from homing_node.simulation import Happening
-from homing_node.states import Error, HomeType, Input, State
+from homing_node.core.outcome import Outcome
+from homing_node.course import Course, Happening, Sample
+from homing_node.figures import record
+from homing_node.procedures.states import Error, HomeType, Input, State
+from homing_node.rehearsal.examples import BEYOND, EXAMPLES
 
 SUFFIXES = ('.npz', '.csv')
 REAL = st.floats(allow_nan=False, allow_infinity=False)

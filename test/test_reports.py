@@ -10,11 +10,11 @@ from types import SimpleNamespace
 import pytest
 from core_rig import rig
 
-from homing_node import reports
-from homing_node.axis import Axis
-from homing_node.outcome import Outcome
-from homing_node.reports import LINGER, STATES_AT_ONCE, Publishers, Reports
-from homing_node.states import Error
+from homing_node.core.axis import Axis
+from homing_node.core.outcome import Outcome
+from homing_node.procedures.states import Error
+from homing_node.ros import reports
+from homing_node.ros.reports import LINGER, STATES_AT_ONCE, Publishers, Reports
 
 
 class Watched:

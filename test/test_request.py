@@ -2,9 +2,9 @@
 
 import pytest
 
-from homing_node.outcome import Outcome
-from homing_node.request import Request
-from homing_node.states import Error, State
+from homing_node.core.outcome import Outcome
+from homing_node.core.request import Request
+from homing_node.procedures.states import Error, State
 
 
 class FakeAxis:

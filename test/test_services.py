@@ -3,9 +3,9 @@
 import threading
 from types import SimpleNamespace
 
-from homing_node.outcome import Outcome
-from homing_node.services import Services
-from homing_node.states import Error
+from homing_node.core.outcome import Outcome
+from homing_node.procedures.states import Error
+from homing_node.ros.services import Services
 
 
 def test_what_was_told_before_a_request_counts_before_it():

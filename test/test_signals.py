@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_node.motions import Way
-from homing_node.signals import FINEST, TRACK_LENGTH, Edge, Mark, Switch, Track
-from homing_node.states import Input
-from homing_node.travel import Leg
+from homing_node.core.signals import FINEST, TRACK_LENGTH, Edge, Mark, Switch, Track
+from homing_node.core.travel import Leg
+from homing_node.procedures.motions import Way
+from homing_node.procedures.states import Input
 
 HS = Input.HOME_SWITCH
 LIMIT = Input.POSITIVE_LIMIT_SWITCH

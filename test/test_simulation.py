@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_node.layout import SWITCHES, AxisLayout, SwitchLayout, layouts_from, mirrored
-from homing_node.simulation import Happening, SimulatedAxis
+from homing_node.course import Happening
+from homing_node.plant.layout import SWITCHES, AxisLayout, SwitchLayout, layouts_from, mirrored
+from homing_node.plant.simulated_axis import SimulatedAxis
 
 HOME = 'home_switch'
 POSITIVE = 'positive_limit_switch'

@@ -2,7 +2,7 @@
 
 import pytest
 
-from homing_node.stamps import AGREEMENT, BEHIND, FALLBACK_DOUBT, RETURNED, Stamps
+from homing_node.core.stamps import AGREEMENT, BEHIND, FALLBACK_DOUBT, RETURNED, Stamps
 
 LIMIT = 0.2
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from homing_node.timebase import BLINK, LATE_SHARE, MOST_LEAD, STANDSTILL, Lead, TimeBase
+from homing_node.ros.timebase import BLINK, LATE_SHARE, MOST_LEAD, STANDSTILL, Lead, TimeBase
 
 PERIOD = 0.004
 

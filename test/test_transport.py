@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import ros_harness as ros
 
-from homing_node.transport import LOCALHOST, choose_udp
+from homing_node.ros.transport import LOCALHOST, choose_udp
 
 FAST_DDS = 'rmw_fastrtps_cpp'
 HERE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}

@@ -3,9 +3,9 @@
 import pytest
 from core_rig import rig
 
-from homing_node.motions import Way
-from homing_node.states import Error
-from homing_node.travel import Leg, Rules
+from homing_node.core.travel import Leg, Rules
+from homing_node.procedures.motions import Way
+from homing_node.procedures.states import Error
 
 BOTH_WAYS = pytest.mark.parametrize('way', [Way.TOWARD, Way.AWAY])
 

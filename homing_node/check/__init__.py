@@ -8,12 +8,13 @@ as the node does at its start.
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from ..configuration import Configuration
-from ..layout import AxisLayout
-from ..parameters import AxisParameters
+from ..parameters.axis import AxisParameters
+from ..parameters.configuration import Configuration
+from ..plant.layout import AxisLayout
+from ..plant.timing import Timing
 from .bounds import Bounds
 from .ends import Ends
-from .finding import Finding, Severity, Timing, worst_first
+from .finding import Finding, Severity, worst_first
 from .places import Places
 from .remedy import applicable
 from .shift import Shift

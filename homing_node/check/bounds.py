@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from ..events import Event
-from ..motions import Bound, Kind, Pace, Way
-from ..procedures import HOME_SHIFT, Row, Step
-from ..states import LATCHES, HomeType, IndexMarginAction, Input, Role
+from ..plant.geometry import Flag, arming_edge, index_pulse, place_of
+from ..procedures.events import Event
+from ..procedures.motions import Bound, Kind, Pace, Way
+from ..procedures.states import LATCHES, HomeType, IndexMarginAction, Input, Role
+from ..procedures.tables import HOME_SHIFT, Row, Step
 from .finding import Finding, Severity, up
-from .geometry import Flag, arming_edge, index_pulse, place_of
 from .placed import SIDES, Placed
 from .stopping import turning_distance
 

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from ..events import Event
-from ..limits import Limit
-from ..motions import Way
-from ..procedures import Row, Step
-from ..states import Input, Role, Tier
+from ..core.limits import Limit
+from ..procedures.events import Event
+from ..procedures.motions import Way
+from ..procedures.states import Input, Role, Tier
+from ..procedures.tables import Row, Step
 from .finding import Finding, Severity, down
 from .placed import SIDES, Placed, Stop, ls_type_of
 

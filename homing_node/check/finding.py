@@ -1,11 +1,10 @@
-"""What a check finds, and what it assumes about the machine's timing."""
+"""What a check finds."""
 
 from collections.abc import Callable, Iterable
 from math import ceil, floor, isfinite, log10
 from typing import NamedTuple
 
-from ..parameters import AxisParameters
-from ..states import Word
+from ..procedures.states import Word
 
 
 class Severity(Word):
@@ -14,35 +13,6 @@ class Severity(Word):
     error = 'error'  # a run fails, or something is hit
     warning = 'warning'  # it works, but not as it should, or not always
     info = 'info'  # worth knowing
-
-
-class Timing(NamedTuple):
-    """How fast things travel: rates in Hz, times in s.
-
-    ``latency`` is the time from a switch's edge until the setpoint that answers it takes effect in
-    the drive, without the node's own cycle; ``feedback_rate`` None: not known. ``accuracy`` is how
-    well home must be known, m or rad (None: not asked for).
-    """
-
-    update_rate: float = 250.0
-    feedback_rate: float | None = None
-    latency: float = 0.005
-    accuracy: float | None = None
-
-    @property
-    def feedback_period(self) -> float:
-        """The time between two feedbacks, s."""
-        return 1.0 / (self.feedback_rate or self.update_rate)
-
-    @property
-    def feedback_age(self) -> float:
-        """The age of the newest feedback at its worst, s."""
-        return self.latency + self.feedback_period
-
-    def reaction(self, parameters: AxisParameters, lag: float = 0.0) -> float:
-        """Return the time from a switch's edge until the axis begins to brake, s."""
-        return (self.latency + 1.0 / self.update_rate + lag
-                + parameters.switch_latency + parameters.switch_debounce)
 
 
 class Finding(NamedTuple):

@@ -8,15 +8,16 @@ from functools import partial
 from math import inf
 from typing import NamedTuple
 
-from ..events import Event
-from ..layout import AxisLayout
-from ..limits import Limit, limits_of
-from ..motions import Kind, Way
-from ..parameters import AxisParameters
-from ..procedures import Row, Step
-from ..states import HomeType, Input, Role, Tier
-from .finding import Finding, Severity, Timing, down
-from .geometry import Geometry, place_of
+from ..core.limits import Limit, limits_of
+from ..parameters.axis import AxisParameters
+from ..plant.geometry import Geometry, place_of
+from ..plant.layout import AxisLayout
+from ..plant.timing import Timing
+from ..procedures.events import Event
+from ..procedures.motions import Kind, Way
+from ..procedures.states import HomeType, Input, Role, Tier
+from ..procedures.tables import Row, Step
+from .finding import Finding, Severity, down
 from .stopping import fastest, reaction_distance, stopping_distance, turning_distance
 
 Distance = Callable[[float], float]

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from ..events import Event
-from ..limits import Limit
-from ..motions import Way
-from ..states import LIMIT_PAIRS, LIMIT_SWITCHES, Input, LSDirection, Tier
+from ..core.limits import Limit
+from ..plant.geometry import Flag
+from ..procedures.events import Event
+from ..procedures.motions import Way
+from ..procedures.states import LIMIT_PAIRS, LIMIT_SWITCHES, Input, LSDirection, Tier
 from .finding import Finding, Severity, up
-from .geometry import Flag
 from .placed import SIDES, Placed
 from .stopping import stopping_distance
 

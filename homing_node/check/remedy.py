@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..parameters import SPECS, AxisParameters
+from ..parameters.axis import SPECS, AxisParameters
 from .finding import Finding
 
 #: What must follow a parameter where the file would else contradict itself.

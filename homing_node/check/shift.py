@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from ..limits import Limit
-from ..motions import Pace, Way
-from ..procedures import HOME_SHIFT, HOME_SHIFT_MOVE
-from ..states import HomeType, Tier
+from ..core.limits import Limit
+from ..plant.geometry import true_home
+from ..procedures.motions import Pace, Way
+from ..procedures.states import HomeType, Tier
+from ..procedures.tables import HOME_SHIFT, HOME_SHIFT_MOVE
 from .finding import Finding, Severity, down, up
-from .geometry import true_home
 from .placed import SIDES, Placed
 from .stopping import fastest, stopping_distance
 

@@ -4,13 +4,23 @@ from collections.abc import Iterable, Iterator
 from functools import partial
 from math import sqrt
 
-from ..events import Event
-from ..limits import Limit, limits_of
-from ..motions import Kind, Pace, Way
-from ..parameters import AxisParameters
-from ..procedures import HOME_SHIFT
-from ..states import LATCHES, LIMIT_PAIRS, LIMIT_SWITCHES, HomeType, Input, LSType, Role, Tier
-from .finding import Finding, Severity, Timing, down, up
+from ..core.limits import Limit, limits_of
+from ..parameters.axis import AxisParameters
+from ..plant.timing import Timing
+from ..procedures.events import Event
+from ..procedures.motions import Kind, Pace, Way
+from ..procedures.states import (
+    LATCHES,
+    LIMIT_PAIRS,
+    LIMIT_SWITCHES,
+    HomeType,
+    Input,
+    LSType,
+    Role,
+    Tier,
+)
+from ..procedures.tables import HOME_SHIFT
+from .finding import Finding, Severity, down, up
 from .stopping import fastest, stopping_distance, turning_distance
 
 #: Of the time that a stop takes at the given deceleration; from here on the jerk decides.

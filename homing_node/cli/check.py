@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..check import Finding, Severity, check, errors
-from ..spec import InvalidParameters
+from ..parameters.definition import InvalidParameters
 from .common import (
     FAILED,
     OK,

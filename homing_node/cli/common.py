@@ -6,11 +6,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from .. import layout_file, yaml_file
-from ..check import Timing
-from ..configuration import Configuration
-from ..layout_file import InvalidLayout, LayoutFile
-from ..parameters import AxisParameters
+from ..parameters import yaml_file
+from ..parameters.axis import AxisParameters
+from ..parameters.configuration import Configuration
+from ..plant import layout_file
+from ..plant.layout_file import InvalidLayout, LayoutFile
+from ..plant.timing import Timing
 
 OK, FAILED, USAGE = 0, 1, 2
 

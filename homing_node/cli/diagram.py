@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
-from ..procedures import PROCEDURES
-from ..states import HomeType
+from ..procedures.states import HomeType
+from ..procedures.tables import PROCEDURES
 from .common import OK, Failure, written
 
 TEXT = """\
@@ -33,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from ..diagram import mermaid
-    from ..diagram_svg import svg
+    from ..figures.diagram import mermaid
+    from ..figures.diagram_svg import svg
 
     procedure, path = PROCEDURES[HomeType(arguments.type)], arguments.output
     kind = FORMATS.get(path.suffix) if path else arguments.format or 'mermaid'

@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
-from ..layout import AxisLayout
-from ..layout_file import LayoutFile
+from ..plant.layout import AxisLayout
+from ..plant.layout_file import LayoutFile
 from .common import FAILED, OK, Failure, add_unit, layout_from, written
 
 TEXT = """\
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from .. import plot, record
+    from ..figures import plot, record
 
     try:
         course, title, unit = record.load(arguments.record)

@@ -11,15 +11,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ..check import Timing
-from ..layout import AxisLayout
-from ..layout_file import LayoutFile
-from ..palette import state_colour
-from ..parameters import AxisParameters
-from ..rehearsal import PLANT_STEP
-from ..spec import InvalidParameters
-from ..states import HomeType, Input, State
-from ..sweep import Trial, rehearse_from, transport_of
+from ..figures.palette import state_colour
+from ..parameters.axis import AxisParameters
+from ..parameters.definition import InvalidParameters
+from ..plant.layout import AxisLayout
+from ..plant.layout_file import LayoutFile
+from ..plant.timing import Timing
+from ..procedures.states import HomeType, Input, State
+from ..rehearsal.run import PLANT_STEP
+from ..rehearsal.sweep import Trial, rehearse_from, transport_of
 from .common import (
     FAILED,
     OK,
@@ -167,12 +167,12 @@ def _run_axis(
     title = f'{axis}: {parameters.home_type} from {trial.start:g}'
     files = []
     if arguments.save:
-        from .. import record
+        from ..figures import record
         written(arguments.save, lambda: record.save(
             arguments.save, trial.course, title, arguments.unit))
         files.append(arguments.save)
     if arguments.plot:
-        from .. import plot
+        from ..figures import plot
         written(arguments.plot, lambda: plot.save(
             arguments.plot, trial.course, where, title, unit=arguments.unit))
         files.append(arguments.plot)

@@ -8,10 +8,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
-from ..check import Timing
-from ..layout import AxisLayout
-from ..parameters import AxisParameters
-from ..sweep import Trial, starts, sweep, transport_of
+from ..parameters.axis import AxisParameters
+from ..plant.layout import AxisLayout
+from ..plant.timing import Timing
+from ..rehearsal.sweep import Trial, starts, sweep, transport_of
 from .common import written
 
 
@@ -20,7 +20,7 @@ def sweep_axis(
     timing: Timing,
 ) -> list[Trial]:
     """Run from everywhere along the travel, draw it and tell how it went."""
-    from .. import sweep_plot
+    from ..figures import sweep_plot
 
     console = Console(stderr=True)
     positions = starts(parameters, where, arguments.starts)

@@ -1,0 +1,1 @@
+"""One axis and several, without ROS, clock, thread or I/O: time is passed in."""

@@ -1,0 +1,50 @@
+"""The ends of the switches' flags, as the axis passed them going toward.
+
+Positions are in the *toward* frame, m or rad. A contact bounces where it changes: of edges that
+lie within ``bounce_distance`` of each other only the first is an end of the flag.
+"""
+
+from ..parameters.axis import AxisParameters
+from ..procedures.states import Input
+from .signals import Edge
+
+
+class FlagEnds:
+    """Where each flag was entered and left, and which end an edge going away belongs to."""
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._bounce_distance = parameters.bounce_distance
+        self._tolerance = parameters.edge_agreement
+        self._newest: dict[tuple[Input, bool], Edge] = {}
+        self._ends: dict[tuple[Input, bool], Edge] = {}
+
+    def add(self, edge: Edge) -> None:
+        """Take an edge that was passed going toward."""
+        key = edge.input, edge.rises
+        opposite = self._newest.get((edge.input, not edge.rises))
+        bounce = opposite and abs(edge.position - opposite.position) <= self._bounce_distance
+        if not bounce or key not in self._ends:
+            self._ends[key] = edge
+        self._newest[key] = edge
+
+    def bounces(self, edge: Edge) -> bool:
+        """Tell whether an edge going toward comes no later than a bounce of the opposite one."""
+        opposite = self._newest.get((edge.input, not edge.rises))
+        return opposite is not None and (
+            edge.position <= opposite.position + self._bounce_distance)
+
+    def came_in_at(self, edge: Edge) -> bool:
+        """Tell whether an edge going away is at the end where the axis came in, not at the other.
+
+        It lies no further toward than that end did going toward (where it had the opposite
+        sense), but for what is unsure of both; with a tolerance, where the flag is wide enough.
+        """
+        end = self._ends.get((edge.input, not edge.rises))
+        if end is None:
+            return True
+        tolerance = self._tolerance
+        other = self._ends.get((edge.input, edge.rises))
+        if other is not None and other.position > end.position:
+            tolerance = min(tolerance, 0.5 * (other.position - end.position))
+        unsure = end.uncertainty + edge.uncertainty
+        return edge.position <= end.position + tolerance + unsure

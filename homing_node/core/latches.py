@@ -1,0 +1,116 @@
+"""Latched positions of the Z-pulse and the touch probe: which one is the reference.
+
+Positions are in the *toward* frame, m or rad.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from itertools import pairwise
+from statistics import median
+
+from ..parameters.axis import AxisParameters
+from ..procedures.events import Event
+from ..procedures.motions import Way
+from ..procedures.states import Error, Input
+from .outcome import Fault
+from .signals import Mark
+
+#: Spacings that the pitch is taken from.
+MOST_SPACINGS = 32
+
+EVENTS = {Input.Z_PULSE: Event.Z_PULSE, Input.TOUCH_PROBE: Event.TOUCH_PROBE}
+
+
+class Latches:
+    """What was latched since the axis turned."""
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._positions: dict[Event, set[float]] = {event: set() for event in EVENTS.values()}
+        self._newest: float | None = None  # Z-pulse of this stretch of travel
+        self._spacings: deque[float] = deque(maxlen=MOST_SPACINGS)
+
+    def add(self, source: Input, position: float) -> None:
+        positions = self._positions[EVENTS[source]]
+        if source is Input.Z_PULSE and position not in positions:
+            if self._newest is not None:
+                self._spacings.append(abs(position - self._newest))
+            self._newest = position
+        positions.add(position)
+
+    def forget(self) -> None:
+        """Forget what was latched while the axis still traveled the other way."""
+        self._newest = None
+        for positions in self._positions.values():
+            positions.clear()
+
+    @property
+    def pitch(self) -> float | None:
+        """The distance between Z-pulses: as the parameters say, else as seen in this run."""
+        expected = self._parameters.z_pulse_distance_check
+        return expected or (median(self._spacings) if self._spacings else None)
+
+    def margin(self, origin: float, way: Way) -> float | None:
+        """Return the distance from where the Z-pulse was armed to the first one, in pitches."""
+        armed = origin + way * self._parameters.z_pulse_arm_delay
+        beyond = [(latch - armed) * way for latch in self._positions[Event.Z_PULSE]
+                  if (latch - armed) * way > 0.0]
+        return min(beyond) / self.pitch if beyond and self.pitch else None
+
+    def margin_fault(self, margin: float) -> Fault | None:
+        """Return what is wrong with a margin, and where the switch should be, None if it is fine.
+
+        Half a pitch is best. Source: SERCOS S-0-0298, home switch distance.
+        """
+        least, pitch = self._parameters.index_margin, self.pitch or 0.0
+        if least <= margin <= 1.0 - least:
+            return None
+        shift = (margin - 0.5) * pitch
+        return Fault(
+            Error.IndexMarginError,
+            f'the Z-pulse lies {margin:.3f} of its pitch ({pitch:.6g} m) behind the edge that '
+            f'arms it, not within {least:g} to {1.0 - least:g} (index_margin)',
+            f'move the switch {abs(shift):.6g} m '
+            + ('on along' if shift > 0.0 else 'back against') + ' the travel at that edge')
+
+    def found(
+        self, events: Iterable[Event], origin: float, way: Way, feedback: float
+    ) -> tuple[Event, Mark] | Fault | None:
+        """Return the latch that a row waits for: of those beyond an origin, the n-th.
+
+        ``events`` are the row's latches. One ahead of the feedback has to wait: it may be
+        nonsense. A Fault where Z-pulses are too far apart or do not come.
+        """
+        p = self._parameters
+        for event in events:
+            z_pulse = event is Event.Z_PULSE
+            count = max(1, p.multiple_z_pulse) if z_pulse else 1
+            delay = p.z_pulse_arm_delay if z_pulse else 0.0
+            beyond = sorted(
+                (latch for latch in self._positions[event]
+                 if delay < (latch - origin) * way <= (feedback - origin) * way),
+                key=lambda latch: latch * way)[:count]
+            fault = self._spacing_fault(beyond) if z_pulse else None
+            if fault is not None:
+                return fault
+            if len(beyond) == count:
+                return event, Mark(beyond[-1])
+            missing = (feedback - (beyond[-1] if beyond else origin)) * way
+            if z_pulse and p.max_z_pulse_distance and missing > p.max_z_pulse_distance:
+                return Fault(
+                    Error.ZPulseNotFound,
+                    f'no Z-pulse within {p.max_z_pulse_distance:.6g} m (max_z_pulse_distance)',
+                    'is the index wired, and its pitch shorter than the bound?')
+        return None
+
+    def _spacing_fault(self, latches: Iterable[float]) -> Fault | None:
+        p = self._parameters
+        expected, tolerance = p.z_pulse_distance_check, p.z_pulse_distance_tolerance
+        for one, another in pairwise(latches):
+            apart = abs(another - one)
+            if expected and abs(apart - expected) > expected * tolerance:
+                return Fault(
+                    Error.ZPulseDistanceCheckError,
+                    f'two Z-pulses are {apart:.6g} m apart, not {expected:.6g} m '
+                    f'+- {100 * tolerance:.3g} % (z_pulse_distance_check)')
+        return None

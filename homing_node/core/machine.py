@@ -1,0 +1,481 @@
+"""Walks one axis through one procedure: rows, rules that hold in every row, pause, cancel.
+
+The machine reads the tables of procedures.py and commands a profile. It knows no time but what it
+is told, and no sign: all positions are in the *toward* frame, m or rad.
+
+Sources: WMX3 manual, "Limit Switches During Homing"; doc/homing.md for what is decided here.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from ..parameters.axis import AxisParameters
+from ..procedures.events import CONDITIONS, Event
+from ..procedures.motions import Kind, Way
+from ..procedures.states import Error, IndexMarginAction, Input, Role, State
+from ..procedures.tables import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Row, Step
+from .flags import FlagEnds
+from .latches import Latches
+from .limits import Action, Limit, LimitSwitches
+from .mechanical_end import MechanicalEnd
+from .outcome import Fault
+from .passes import Passes
+from .profile import Dynamics, Profile
+from .signals import Edge, Mark, Switch, Track
+from .travel import Leg, Rules
+
+
+class Turnoff(NamedTuple):
+    """A row that an edge ended, as it was, should an edge of an earlier time still arrive."""
+
+    step: Step
+    edge: Edge
+    reversed: bool
+    coarse_pass: Mark | None
+
+
+class Machine:
+    """One run: where it stands, why it ended, and where the reference was.
+
+    ``step`` is the present row; ``error`` and ``message`` the verdict, NoError until the axis is
+    ``stopping`` for one; ``finished`` tells that the command is at rest and nothing more will
+    come, ``reference`` the home position once found, ``arrows`` every transition taken so far.
+    """
+
+    __slots__ = (
+        'parameters', 'procedure', 'profile', 'now', 'feedback', 'step', 'row', 'error', 'message',
+        'stopping', 'finished', 'paused', 'silent', 'servo_off', 'reference', 'arrows', 'passes',
+        'index_margin', 'warnings', 'end', '_look', '_switches', '_limits', '_target', '_dynamics',
+        '_rules', '_cause', '_found', '_leg', '_turnoff', '_further', '_reversed', '_flags',
+        '_latches', '_paused_at', '_stop_deceleration')
+
+    def __init__(
+        self,
+        parameters: AxisParameters,
+        profile: Profile,
+        switches: Mapping[Input, Switch],
+        now: float,
+        feedback: float,
+    ) -> None:
+        self.parameters = parameters
+        self.procedure = parameters.procedure
+        self.profile = profile
+        self.now = now
+        self.feedback = feedback
+        self._stand_in(self.procedure.first)
+        self.error = Error.NoError
+        self.message = ''
+        self.stopping = False
+        self.finished = False
+        self.paused = False
+        self.silent = False  # no further setpoint: the servo is off
+        self.servo_off = False  # a ServoOff action asks for it at the end
+        self.reference: Mark | None = None
+        self.arrows: list[tuple[Step, Event]] = []
+
+        self._switches = switches
+        self._limits = LimitSwitches(parameters, switches)
+        target = self.procedure.target
+        self._target = parameters.limit_switch(target, Way.TOWARD) if target else None
+        self._dynamics = {row.motion.pace: Dynamics(*parameters.pace(row.motion.pace))
+                       for row in self.procedure.rows.values()}
+        self._rules = Rules(parameters, now)
+
+        self._cause = Mark(feedback)
+        self._found = self._cause
+        self._leg = Leg(Way.NONE, feedback, profile.position, now)
+        self._turnoff: Turnoff | None = None
+        self._further = False  # the homing reverse distance has a target
+        self._reversed = False  # the one reversal is used up
+        self._flags = FlagEnds(parameters)
+        self._latches = Latches(parameters)
+        self.passes = Passes(parameters)
+        self.index_margin: float | None = None
+        self.warnings: list[str] = []
+        self.end = MechanicalEnd(parameters)
+        self._paused_at = now
+        self._stop_deceleration = 0.0
+
+    @property
+    def state(self) -> State:
+        """The published home state."""
+        return State.Cancel if self.error is Error.Canceled else self.step.state
+
+    @property
+    def torque_limit(self) -> float:
+        """The torque limit that the mechanical end asks for, %; 0: none."""
+        return self.end.torque_limit(searching=Event.END_DETECTED in self.row.on)
+
+    @property
+    def traveled(self) -> tuple[float, float]:
+        """Distance from the turning point, and what bounds it, m."""
+        return abs(self.feedback - self._leg.feedback), self._rules.distance
+
+    def way_at(self, time: float, track: Track) -> int | None:
+        """Return the sign of the travel at a time that the track covers, None if not yet known."""
+        return self._leg.way_at(time, track)
+
+    # --------------------------------------------------------------------------- what happens
+
+    def begin(self) -> None:
+        """Enter the first row; what the start position changes is decided before any motion."""
+        searches = len(self.procedure.events) > 1  # CurrentPos does not, and asks no limit
+        if not (searches and self._both_on()):
+            self._enter(self.procedure.first, Mark(self.feedback))
+
+    def edge(self, edge: Edge) -> None:
+        """Take an edge whose way of travel is known.
+
+        Where an edge of another switch with a later time has already ended the row that would
+        have taken this one, that is undone: the earlier edge decides, however late it arrives.
+        """
+        if edge.way > 0:
+            self._flags.add(edge)
+        self._limits.remember(edge)
+        if self.stopping:
+            return
+        rises, falls, on = self._events_of(edge.input)
+        event = rises if edge.rises else falls
+        left = self._turnoff
+        if left and event and edge.order < left.edge.order:
+            row = self.procedure.rows[left.step]
+            if event in row.on and self._counts(edge, row):
+                self._stand_in(left.step)
+                self._reversed, self.passes.coarse = left.reversed, left.coarse_pass
+        if event and event in self.row.on and self._counts(edge, self.row):
+            self._advance(event, edge)
+        elif edge.rises and on and on in self.row.on and self._on(edge.input):
+            self._advance(on, edge)
+        elif edge.rises and on is Event.LIMIT_AHEAD:
+            self.limit_rises(edge.input)  # the row that would have taken it has just ended
+
+    def limit_rises(self, switch: Input) -> None:
+        """Take a limit switch's rising edge at once, before its position is known.
+
+        What the present search takes as its reversal or reference is left to :meth:`edge`; all
+        else is decided here.
+        """
+        limit = self._limits.get(switch)
+        if limit is None:
+            return
+        self._both_on()
+        if limit.role is Role.IGNORED:
+            return
+        if not self.stopping and self._taken_by_table(limit):
+            return
+        velocity, action = self.profile.velocity, limit.action
+        ahead, into = limit.way is Way.TOWARD, velocity * limit.way > 0.0
+        acts = into or (
+            limit.role is Role.NORMAL and velocity != 0.0 and self.parameters.all_ls_during_homing)
+        if self.stopping:
+            if action and acts:
+                self._act(action)
+        elif not ahead and velocity > 0.0:
+            if not self._limits.bounces(switch, self.feedback):
+                self.fail(Fault(
+                    Error.LSTriggered, f'the {limit.name} rose while the axis moved toward',
+                    'are the limit inputs swapped, or is home_direction wrong?'), action)
+        elif ahead and into and self._braking:
+            if action and getattr(self._cause, 'input', None) is not switch:
+                self.profile.brake_harder(action.deceleration or self.parameters.ls_dec)
+        elif (acts or self._heads(limit.way)) and (
+                action or (limit.bars_home and self.row.motion.kind is Kind.HOME)):
+            again = ' for the second time in this run' if self._reversed and ahead else ''
+            self.fail(Fault(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
+
+    def limit_falls(self, switch: Input) -> None:
+        """Remember where a limit was left, so that its bounce is not taken for a hit."""
+        self._limits.left(switch, self.feedback)
+
+    def latch(self, source: Input, position: float) -> None:
+        """Take a latched position of the Z-pulse or the touch probe."""
+        self._latches.add(source, position)
+
+    def fail(self, fault: Fault, action: Action | None = None) -> None:
+        """End the run with an error: a stop with ls_dec unless an action says otherwise.
+
+        The first error stays; a stronger stop that comes later takes over.
+        """
+        if not self.stopping:
+            hint = fault.hint and f'; {fault.hint}'
+            self._give_up(fault.error, f'{fault.seen} in {self.state}{hint}')
+        self._act(action or Action(self.parameters.ls_dec))
+
+    def warn(self, text: str) -> None:
+        """Note what the user should know of this run, once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+    def cancel(self) -> None:
+        """Stop with the active profile."""
+        if not self.stopping:
+            self._give_up(Error.Canceled, f'canceled in {self.state}')
+            self._stop_deceleration = self.profile.dynamics.deceleration
+            self.profile.stop()
+
+    def resume(self) -> None:
+        """Leave the pause of ``pause_mode``."""
+        if self.paused:
+            self._end_pause()
+            self._start_motion(resumed=True)
+
+    # ------------------------------------------------------------------------------- each cycle
+
+    def update(self, now: float, feedback: float) -> None:
+        """Test the rules and bounds; called once a cycle, before the profile's update."""
+        self.now, self.feedback = now, feedback
+        if self.finished or self.paused:
+            return
+        if self.stopping:
+            self.finished = self.profile.done
+            return
+        leg, command = self._leg, self.profile.position
+        if leg.update(feedback, command):
+            self._latches.forget()
+        fault = self._rules.broken(leg, command, feedback, now)
+        if fault is not None:
+            self.fail(fault)
+            return
+        while self._look is not None and (event := self._look(self)) and not self.paused:
+            self._advance(event, self._found)
+            if self.finished or self.stopping:
+                return
+
+    # ------------------------------------------------------------------------------ transitions
+
+    def _advance(self, event: Event, cause: Mark) -> None:
+        """Follow an arrow."""
+        step = self.row.on[event]
+        if step is HOME_SHIFT and self.passes.add(cause):
+            event = Event.REPEAT
+            step = self.row.on[event]
+        self.arrows.append((self.step, event))
+        self._turnoff = None
+        if isinstance(cause, Edge):
+            self._turnoff = Turnoff(self.step, cause, self._reversed, self.passes.coarse)
+        if event is Event.LIMIT_AHEAD:
+            if self._reversed:
+                self.fail(Fault(
+                    Error.LSTriggered, 'a limit ahead was hit for the second time in this run',
+                    'is the home switch between the limits, and does it hold its level?'))
+                return
+            self._reversed = True
+            self.passes.forget()
+        if (event in (Event.LIMIT_AHEAD, Event.LS_RISES) and self.parameters.immediate_stop_at_ls
+                and self.profile.velocity * self.row.motion.way > 0.0):  # else it has turned
+            self.profile.freeze()
+        if step is HOMED:
+            self.finished = True
+            return
+        if step is HOME_SHIFT_MOVE and self.passes.fine:
+            fault = self.passes.disagreement()
+            if fault is not None:
+                self.fail(fault)
+                return
+            self.reference = self.passes.mean
+        elif event is Event.HS_RISES and step is not HOME_SHIFT:
+            self.passes.coarse = cause
+        self._enter(step, cause)
+
+    def _stand_in(self, step: Step) -> None:
+        """Make a row the present one."""
+        self.step: Step = step
+        self.row: Row = self.procedure.rows[step]
+        self._look = _look_of(self.row)
+
+    def _enter(self, step: Step, cause: Mark) -> None:
+        """Enter a row and, where a condition of it holds, the next; then start the motion."""
+        self._cause, self._further = cause, False
+        self._stand_in(step)
+        if step is HOME_SHIFT:
+            self.reference = cause
+        for condition in CONDITIONS:
+            if condition in self.row.on and self._holds(condition):
+                self._advance(condition, Mark(self.feedback))
+                return
+        self._start_motion()
+
+    def _start_motion(self, resumed: bool = False) -> None:
+        """Command the present row's motion, or pause before it where it turns the axis."""
+        if self.paused:
+            return
+        motion, profile = self.row.motion, self.profile
+        dynamics = self._dynamics[motion.pace]
+        way, target = motion.way, profile.position
+        if motion.kind is Kind.HOME and self.reference is not None:
+            target = self.reference.position + self.parameters.home_shift_distance
+            way = Way(int(target > profile.position) - int(target < profile.position))
+        turns = way is not Way.NONE and way != self._leg.way
+        if turns and self._leg.way and self.parameters.pause_mode and not resumed:
+            self.paused, self._paused_at = True, self.now
+            profile.stop()
+            return
+        if turns:
+            self._leg = Leg(way, self.feedback, profile.position, self.now, self._leg)
+            self._latches.forget()
+        if self._blocked(way):
+            return
+        self._rules.enter(self.row)
+        self.end.begin()
+        if motion.kind is Kind.REST:
+            profile.stop()
+        elif motion.kind is Kind.HOME:
+            profile.move(target, dynamics)
+        elif motion.kind is Kind.SEARCH:
+            profile.seek(way * dynamics.velocity, dynamics)
+
+    # ---------------------------------- the event that the present motion itself has brought about
+
+    def _went_further(self) -> Event | None:
+        """Go on by the homing reverse distance; at once done where stopping takes longer."""
+        if self._further:
+            return self._arrived()
+        target = self._cause.position - self.parameters.homing_reverse_distance
+        dynamics = self._dynamics[self.row.motion.pace]
+        if self.profile.stopping_position(dynamics.deceleration) <= target:
+            return self._done()
+        self._further = True
+        self.profile.move(target, dynamics)
+        return None
+
+    def _rested(self) -> Event | None:
+        return self._arrived() if self._cause.resolved else None
+
+    def _arrived(self) -> Event | None:
+        return self._done() if self.profile.done else None
+
+    def _done(self) -> Event:
+        self._found = Mark(self.feedback)
+        return Event.DONE
+
+    def _latched(self) -> Event | None:
+        """Return the event of a latch beyond the row's edge, else beyond the turning point."""
+        if not self._cause.resolved:
+            return None
+        origin = self._cause.position if isinstance(self._cause, Edge) else self._leg.feedback
+        way = self.row.motion.way
+        found = self._latches.found(self.row.latches, origin, way, self.feedback)
+        if isinstance(found, Fault):
+            self.fail(found)
+            return None
+        event, self._found = found or (None, self._found)
+        if event is Event.Z_PULSE and isinstance(self._cause, Edge) and self._too_close(way):
+            return None
+        return event
+
+    def _too_close(self, way: Way) -> bool:
+        """Judge how far the edge that armed the Z-pulse is from it; tell whether the run fails."""
+        action = self.parameters.index_margin_action
+        self.index_margin = margin = self._latches.margin(self._cause.position, way)
+        fault = None if margin is None else self._latches.margin_fault(margin)
+        if fault is None or action is IndexMarginAction.none:
+            return False
+        if action is IndexMarginAction.Warn:
+            self.warn(f'{fault.seen}; {fault.hint}')
+            return False
+        self.fail(fault)
+        return True
+
+    def _end_detected(self) -> Event | None:
+        if not self.end.found(self.profile.position - self.feedback, self.now):
+            return None
+        self._found = Mark(self.feedback)
+        return Event.END_DETECTED
+
+    # ------------------------------------------------------------------------------- the switches
+
+    def _on(self, switch: Input) -> bool:
+        return switch in self._switches and self._switches[switch].level is True
+
+    def _events_of(self, switch: Input) -> tuple[Event | None, Event | None, Event | None]:
+        """Return the events of a switch: it rises, it falls, it is on though no rise counted."""
+        if switch is Input.HOME_SWITCH:
+            return Event.HS_RISES, Event.HS_FALLS, Event.HS_ON
+        if switch is self._target:
+            return Event.LS_RISES, Event.LS_FALLS, Event.LS_ON
+        limit = self._limits.get(switch)
+        if limit and limit.role is Role.REVERSAL:
+            return Event.LIMIT_AHEAD, None, Event.LIMIT_AHEAD
+        return None, None, None
+
+    def _counts(self, edge: Edge, row: Row) -> bool:
+        """Tell whether an edge was passed the row's way, at the end of the flag that it means."""
+        if edge.way * row.motion.way <= 0:
+            return False
+        if row.motion.way is Way.TOWARD:
+            return edge.rises or not self._flags.bounces(edge)
+        return self._flags.came_in_at(edge)
+
+    def _holds(self, condition: Event) -> bool:
+        if condition is Event.HS_ON:
+            return self._on(Input.HOME_SWITCH)
+        if condition is Event.LS_ON:
+            return self._target is not None and self._on(self._target)
+        return self._limits.reversing(self.feedback)
+
+    def _taken_by_table(self, limit: Limit) -> bool:
+        """Tell whether a limit's rise is an arrow of the present row."""
+        if limit.role is Role.REVERSAL:
+            return Event.LIMIT_AHEAD in self.row.on and not self._reversed
+        return limit.input is self._target and Event.LS_RISES in self.row.on
+
+    @property
+    def _braking(self) -> bool:
+        """Whether the axis brakes: to turn, to pause, or because the reference was taken."""
+        motion = self.row.motion
+        return self.paused or motion.kind is Kind.REST or motion.way is Way.AWAY
+
+    def _heads(self, way: Way) -> bool:
+        """Tell whether the present motion goes a way, or is about to."""
+        return self._leg.way is way and not self.paused and self.row.motion.kind is not Kind.REST
+
+    def _blocked(self, way: Way) -> bool:
+        """Fail where a motion would go into a limit that is on."""
+        limit = self._limits.blocking(way, self.row.motion.kind is Kind.HOME, self.feedback)
+        if limit is None:
+            return False
+        seen = f'the {limit.name} is on; a motion into it is not started'
+        self.fail(Fault(Error.LSTriggered, seen), limit.action)
+        return True
+
+    def _both_on(self) -> bool:
+        """Fail where both limits of a pair are on."""
+        pair = self._limits.pair_on()
+        if pair is None:
+            return False
+        self.fail(Fault(
+            Error.LimitsBothOn, f'{pair[0].text} and {pair[1].text} are on together',
+            'wiring, or polarity (invert_..._ls_polarity)?'))
+        return True
+
+    # ------------------------------------------------------------------------------------ endings
+
+    def _give_up(self, error: Error, message: str) -> None:
+        self.error, self.message, self.stopping = error, message, True
+        self._end_pause()
+
+    def _act(self, action: Action) -> None:
+        """Stop as an action says; a harder stop that is under way stays."""
+        self.servo_off = self.servo_off or action.servo_off
+        if action.deceleration is None:
+            self.profile.freeze()
+            self.silent = True
+        elif action.deceleration > self._stop_deceleration:
+            self._stop_deceleration = action.deceleration
+            self.profile.stop(action.deceleration)
+
+    def _end_pause(self) -> None:
+        if self.paused:
+            self.paused = False
+            self._rules.deadline += self.now - self._paused_at
+
+
+def _look_of(row: Row) -> Callable[[Machine], Event | None] | None:
+    """Return what tells the event that a row's motion itself brings about; None: edges end it."""
+    kind = row.motion.kind
+    if kind is Kind.SEARCH:
+        if row.latches:
+            return Machine._latched
+        return Machine._end_detected if Event.END_DETECTED in row.on else None
+    return {Kind.FURTHER: Machine._went_further, Kind.REST: Machine._rested,
+            Kind.HOME: Machine._arrived}[kind]

@@ -1,0 +1,68 @@
+"""Passes over the reference: do they agree, and what is home then.
+
+Positions are in the *toward* frame, m or rad.
+"""
+
+from statistics import fmean, pstdev
+
+from ..parameters.axis import AxisParameters
+from ..procedures.states import Error
+from .outcome import Fault
+from .signals import Edge, Mark
+
+
+class Passes:
+    """The coarse pass over a switch, if there was one, and the passes that give home."""
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self.coarse: Mark | None = None
+        self.fine: list[Mark] = []
+
+    def forget(self) -> None:
+        """Begin again: the procedure does."""
+        self.coarse = None
+        self.fine.clear()
+
+    def add(self, mark: Mark) -> bool:
+        """Take a pass that gives home; return whether one more is wanted."""
+        self.fine.append(mark)
+        return len(self.fine) < self._parameters.repeat
+
+    @property
+    def range(self) -> float:
+        """Largest minus smallest position of the passes."""
+        positions = [mark.position for mark in self.fine]
+        return max(positions) - min(positions) if positions else 0.0
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the passes."""
+        return pstdev(mark.position for mark in self.fine) if self.fine else 0.0
+
+    @property
+    def mean(self) -> Mark:
+        """The home position that the passes give; no less certain than the worst of them."""
+        return Mark(fmean(mark.position for mark in self.fine),
+                    max(mark.uncertainty for mark in self.fine))
+
+    def disagreement(self) -> Fault | None:
+        """Return why the passes are no home: they disagree with each other or the coarse one.
+
+        A coarse pass is compared only with an edge: a pulse or a probe lies elsewhere.
+        """
+        p = self._parameters
+        if self.coarse is not None and self.fine and isinstance(self.fine[0], Edge):
+            apart = abs(self.fine[0].position - self.coarse.position)
+            if apart > p.edge_agreement:
+                return Fault(
+                    Error.EdgeNotRepeated,
+                    f'the second pass found the home switch {apart:.6g} m from the first, more '
+                    f'than {p.edge_agreement:.6g} m (edge_tolerance)',
+                    'noise on the switch, or late messages?')
+        if self.range > p.repeat_agreement:
+            return Fault(
+                Error.EdgeNotRepeated,
+                f'{len(self.fine)} passes spread over {self.range:.6g} m, more than '
+                f'{p.repeat_agreement:.6g} m (repeat_tolerance)')
+        return None

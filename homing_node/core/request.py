@@ -1,0 +1,116 @@
+"""Homing of several axes: groups in order, the axes of a group together.
+
+One axis that fails, is refused or was canceled stops its group; later groups are not started. A
+request for one axis is a request of one group with one axis. No clock, no ROS:
+:meth:`Request.update` is called after the axes, in each cycle in which a run has ended.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+
+from ..procedures.states import Error
+from .axis import Axis
+from .outcome import Outcome
+
+
+class Request:
+    """One request: which axes, in which groups, and how each of them ended.
+
+    ``unready`` tells why an axis cannot home now for a reason that the axis does not know.
+    """
+
+    def __init__(
+        self,
+        groups: Iterable[Sequence[str]],
+        axes: Mapping[str, Axis],
+        owner: str,
+        unready: Callable[[str], Outcome | None],
+    ) -> None:
+        self.groups = [tuple(group) for group in groups]
+        self.owner = owner
+        self.outcomes: dict[str, Outcome] = {}
+        self._axes, self._unready = axes, unready
+        self._waiting = list(self.groups)
+        self._running: tuple[str, ...] = ()
+        self._canceled: set[str] = set()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All axes of the request, in order."""
+        return tuple(name for group in self.groups for name in group)
+
+    @property
+    def done(self) -> bool:
+        return not self._waiting and not self._running
+
+    @property
+    def success(self) -> bool:
+        return self.done and all(outcome.success for outcome in self.outcomes.values())
+
+    def waits(self, name: str) -> bool:
+        """Whether the turn of an axis is still to come."""
+        return any(name in group for group in self._waiting)
+
+    def start(self, now: float) -> None:
+        """Start the first group."""
+        self._start_next(now)
+
+    def cancel(self, names: Collection[str]) -> None:
+        """Stop those axes that run; those that wait are refused when their turn comes."""
+        self._canceled.update(names)
+        for name in self._running:
+            if name in names:
+                self._axes[name].cancel()
+
+    def abandon(self, reason: str) -> None:
+        """Take what has not ended for canceled, for a reason."""
+        for name in self.names:
+            self.outcomes.setdefault(name, self._cancellation(name, reason))
+        self._waiting.clear()
+        self._running = ()
+
+    def update(self, now: float) -> bool:
+        """Follow the axes; return whether the whole request has ended."""
+        ended = [name for name in self._running if not self._axes[name].running]
+        for name in ended:
+            self.outcomes[name] = self._axes[name].outcome
+            if not self.outcomes[name].success:
+                self._stop_for(name)
+        if ended:
+            self._running = tuple(name for name in self._running if name not in ended)
+            if not self._running:
+                self._start_next(now)
+        return self.done
+
+    def _start_next(self, now: float) -> None:
+        if not self._waiting:
+            return
+        group = self._waiting[0]
+        refusals = {name: refusal for name in group
+                    if (refusal := self._refusal(name, now)) is not None}
+        if refusals:
+            self.outcomes.update(refusals)
+            self._stop_for(next(iter(refusals)))
+            return
+        del self._waiting[0]
+        self._running = group
+        for name in group:
+            self._axes[name].home(now)
+
+    def _refusal(self, name: str, now: float) -> Outcome | None:
+        if name in self._canceled:
+            return self._cancellation(name, 'not started: canceled')
+        return self._unready(name) or self._axes[name].refusal(now)
+
+    def _stop_for(self, failed: str) -> None:
+        """Stop what runs and start nothing more, because an axis was not homed."""
+        for name in self._running:
+            self._axes[name].cancel()
+        reason = f'axis {failed} was not homed ({self.outcomes[failed].error})'
+        for name in (name for group in self._waiting for name in group):
+            why = 'canceled' if name in self._canceled else reason
+            self.outcomes.setdefault(name, self._cancellation(name, f'not started: {why}'))
+        self._waiting.clear()
+
+    @staticmethod
+    def _cancellation(name: str, reason: str) -> Outcome:
+        return Outcome(Error.Canceled, f'axis {name}: {reason}')

@@ -1,0 +1,146 @@
+"""How far and how long a motion may go: turning points, and the rules that hold in every row.
+
+No sign and no clock: positions are in the *toward* frame, m or rad, times in s are passed in.
+"""
+
+import math
+
+from ..parameters.axis import AxisParameters
+from ..procedures.events import Event
+from ..procedures.motions import Bound, Kind, Way
+from ..procedures.states import Error
+from ..procedures.tables import Row
+from .outcome import Fault
+from .signals import Track
+
+#: What to say of an event that did not come.
+MISSED = {
+    Event.HS_RISES: 'the home switch did not rise',
+    Event.HS_FALLS: 'the home switch did not fall',
+    Event.LS_RISES: 'the limit switch did not rise',
+    Event.LS_FALLS: 'the limit switch did not fall',
+    Event.Z_PULSE: 'no Z-pulse came',
+    Event.TOUCH_PROBE: 'the touch probe did not trigger',
+    Event.END_DETECTED: 'the mechanical end was not found',
+}
+HINTS = {
+    Bound.LS_REVERSE: 'is the home switch between the limits?',
+    Bound.HS_ON_AT_START: 'is the switch stuck on, or its polarity inverted?',
+    Bound.SEARCH: 'is the switch wired, and the direction right?',
+}
+
+
+class Leg:
+    """One stretch of travel in one way, measured from its turning point.
+
+    ``before`` is the leg that it turned from (None: it began at rest), ``since`` when it was
+    commanded; ``feedback`` and ``command`` are the turning point's. ``gone`` is how far the
+    command has gone from there, ``traveled`` how far the feedback has, ``against`` how far it went
+    the other way: an axis that follows late overruns as far as its command did, which does not
+    count.
+    """
+
+    __slots__ = ('way', 'before', 'since', 'feedback', 'command', 'gone', 'traveled', 'against',
+                 '_sign', '_behind')
+
+    def __init__(
+        self, way: Way, feedback: float, command: float, since: float,
+        before: 'Leg | None' = None,
+    ) -> None:
+        self.way, self.since = way, since
+        self.before = before if before and before.way else None
+        self._sign = float(way)
+        self.feedback = feedback
+        self._turn(feedback, command)
+        self.gone = self.traveled = self.against = 0.0
+
+    def update(self, feedback: float, command: float) -> bool:
+        """Move the turning point; return whether the command still overruns."""
+        sign = self._sign
+        gone = (command - self.command) * sign
+        overruns = gone < 0.0
+        if overruns:
+            gone = 0.0
+            self._turn(feedback, command)
+        traveled = (feedback - self.feedback) * sign
+        if traveled < 0.0:
+            self.feedback, traveled = feedback, 0.0
+        self.gone, self.traveled = gone, traveled
+        self.against = self._behind - feedback * sign
+        return overruns
+
+    def _turn(self, feedback: float, command: float) -> None:
+        """Let the command turn here; `against` counts from what lies further back."""
+        self.command = command
+        self._behind = min(feedback * self._sign, command * self._sign)
+
+    def way_at(self, time: float, track: Track) -> int | None:
+        """Return the sign of the axis's travel at a time that the track covers.
+
+        0 before a leg that began at rest, None while it is not yet known where the axis turned.
+        Messages may be older than several turns: a contact still bounces when its edge has turned
+        the axis.
+        """
+        if self.before is None:
+            return self.way if time >= self.since else Way.NONE
+        if time < self.since:
+            return self.before.way_at(time, track)
+        return track.traveled(time, self.since, self.way)
+
+
+class Rules:
+    """What bounds every motion: its distance, the following error, the way, the run's time.
+
+    ``distance`` is the present bound in m, ``deadline`` the run's end in s.
+    """
+
+    def __init__(self, parameters: AxisParameters, now: float) -> None:
+        self._parameters = parameters
+        self.deadline = now + parameters.run_timeout
+        self._wrong_direction = parameters.wrong_direction_limit
+        self._following_error = parameters.following_error_limit
+        if parameters.homes_on_mechanical_end:  # the command turns from behind the end
+            behind = (parameters.mechanical_end_detection_pos_diff
+                      + parameters.homing_velocity_slow * parameters.mechanical_end_detection_time)
+            self._following_error = max(self._following_error, 2.0 * behind)
+        self._following = self.distance = math.inf
+        self._missed = ''
+        self._bound = Bound.SEARCH
+        self._name = ''
+
+    def enter(self, row: Row) -> None:
+        """Take the bounds of a row."""
+        p, self._bound = self._parameters, row.bound
+        own: float = getattr(p, row.bound)
+        self._name = str(row.bound if own else Bound.SEARCH)
+        if not own and row.bound is Bound.HS_ON_AT_START:
+            self._bound = Bound.SEARCH
+        searching = row.motion.kind is Kind.SEARCH
+        self.distance = own or p.search_distance if searching else math.inf
+        self._following = math.inf if Event.END_DETECTED in row.on else self._following_error
+        self._missed = ' and '.join(MISSED[event] for event in row.on if event in MISSED)
+
+    def broken(self, leg: Leg, command: float, feedback: float, now: float) -> Fault | None:
+        """Return the rule that the motion breaks, None while it keeps them all."""
+        gone, distance = leg.gone, self.distance
+        if gone > distance or leg.traveled > distance:
+            return Fault(
+                self._bound.error,
+                f'{self._missed} within {self.distance:.6g} m ({self._name})', HINTS[self._bound])
+        if abs(command - feedback) > self._following:
+            return Fault(
+                Error.FollowingError,
+                f'command - feedback is {command - feedback:.6g} m, more than '
+                f'{self._following:.6g} m (following_error)',
+                'does the axis follow the setpoints, and does its feedback arrive?')
+        against, limit = leg.against, self._wrong_direction
+        if gone >= limit and against > 0.5 * limit:
+            return Fault(
+                Error.WrongDirection,
+                f'the feedback went {against:.6g} m against the command, which went {gone:.6g} m '
+                f'({limit:.6g} m is wrong_direction_distance)', 'is the encoder inverted?')
+        if now > self.deadline:
+            return Fault(
+                Error.Timeout,
+                f'not ended within {self._parameters.run_timeout:.6g} s (timeout)')
+        return None

@@ -1,0 +1,63 @@
+"""The record of one run: what the axis did in each cycle, and what its inputs did.
+
+A rehearsal makes one, and so does a client that listens to a running node. Times in s, positions
+raw in m or rad.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from .core.outcome import Outcome
+
+
+class Happening(NamedTuple):
+    """A switch changed, or a latch captured a position.
+
+    `value` is the new raw (electrical) level of a switch, or the raw position that the drive
+    latched (`z_pulse`, `touch_probe`), m or rad. `position` is the true position there, `time`
+    the exact time inside the step, s.
+    """
+
+    time: float
+    input: str
+    value: bool | float
+    position: float
+
+
+class Sample(NamedTuple):
+    """One cycle of a course: time in s, raw positions in m or rad."""
+
+    time: float
+    state: str
+    position: float
+    velocity: float
+    acceleration: float
+    feedback: float
+
+
+@dataclass
+class Course:
+    """The record of one run, made by a rehearsal or from a real graph.
+
+    ``samples`` has one entry a cycle in which the axis had a setpoint; ``happenings`` what the
+    switches did, where that is known; ``arrows`` what the machine went through.
+    """
+
+    samples: list[Sample] = field(default_factory=list)
+    happenings: list[Happening] = field(default_factory=list)
+    outcome: Outcome | None = None
+    arrows: Sequence[tuple[object, object]] = ()
+
+    @property
+    def states(self) -> list[str]:
+        """The home states in the order in which they were entered."""
+        states: list[str] = []
+        for sample in self.samples:
+            if not states or states[-1] != sample.state:
+                states.append(sample.state)
+        return states
+
+    @property
+    def duration(self) -> float:
+        return self.samples[-1].time - self.samples[0].time if self.samples else 0.0

@@ -1,0 +1,1 @@
+"""Diagrams and plots, and the records that they are drawn from."""

@@ -1,0 +1,244 @@
+"""The parameters of the node and of all its axes, from ROS or from a YAML file.
+
+The node's own parameters stand in NODE_SPECS, those of an axis in parameters.SPECS; an axis's
+topic names are ``<axis>.topics.<input>``. SI units.
+"""
+
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any, NamedTuple
+
+from ..procedures.states import Input, Word
+from .axis import SPECS, AxisParameters, axis_parameters
+from .definition import REQUIRED, InvalidParameters, Spec
+from .qos import check_override
+
+AXIS_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+
+#: A topic: absolute, relative, or under the node's name (~/).
+TOPIC_NAME = re.compile(r'(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
+
+#: Names under the node's own that an axis must not take.
+RESERVED = frozenset({
+    'home', 'cancel', 'setpoints', 'position_commands', 'joint_states', 'emergency_stop',
+    'axes', 'update_rate', 'cycle_timeout', 'setpoint_interface', 'home_sequence',
+    'qos_overrides', 'use_sim_time', 'start_type_description_service',
+    'describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
+    'list_parameters', 'set_parameters', 'set_parameters_atomically',
+})
+
+
+class SetpointInterface(Word):
+    """How setpoints leave the node."""
+
+    trajectory = 'trajectory'
+    position = 'position'
+
+
+NODE_SPECS: Mapping[str, Spec] = {spec.name: spec for spec in (
+    Spec('the names of the axes', list, name='axes'),
+    Spec('rate of the control cycle', float, 'Hz', 1.0, 2000.0,
+         name='update_rate', default=250.0),
+    Spec('a cycle that is later than this ends the run', float, 's', 0.0, open_minimum=True,
+         name='cycle_timeout', default=0.2),
+    Spec('how setpoints are published: ~/setpoints or ~/position_commands', SetpointInterface,
+         name='setpoint_interface', default=SetpointInterface.trajectory),
+    Spec('groups of axes that home together, in order, e.g. ["z", "x, y"] '
+         '(empty: one after another)', list, name='home_sequence', default=[]),
+)}
+
+#: What every ROS node has.
+COMMON_SPECS: Mapping[str, Spec] = {spec.name: spec for spec in (
+    Spec('follow /clock', bool, name='use_sim_time', default=False),
+    Spec('serve the descriptions of types', bool, name='start_type_description_service',
+         default=True),
+)}
+
+
+class TopicSpec(Spec):
+    """The name of a topic; '' is the default's."""
+
+    def convert(self, value: object) -> Any:
+        topic = super().convert(value)
+        if topic and not TOPIC_NAME.fullmatch(topic):
+            raise ValueError(f'{self.name}: {topic!r} is not the name of a topic')
+        return topic
+
+
+TOPIC_SPECS: Mapping[str, Spec] = {
+    f'topics.{name}': TopicSpec(f'topic of {name} (empty: ~/<axis>/{name})', str,
+                                name=f'topics.{name}', default='')
+    for name in Input
+}
+
+#: The input whose topic a parameter names.
+TOPICS: Mapping[str, Input] = {f'topics.{name}': name for name in Input}
+
+AXIS_SPECS: Mapping[str, Spec] = {**SPECS, **TOPIC_SPECS}
+
+
+class Configuration(NamedTuple):
+    """A checked configuration: the node's parameters and each axis's, in the order of `axes`."""
+
+    axes: Mapping[str, AxisParameters]
+    topics: Mapping[str, Mapping[Input, str]]
+    update_rate: float
+    cycle_timeout: float
+    setpoint_interface: SetpointInterface
+    home_sequence: tuple[tuple[str, ...], ...]
+
+    @property
+    def joints(self) -> dict[str, str]:
+        """The joint of each axis."""
+        return {axis: parameters.joint or axis for axis, parameters in self.axes.items()}
+
+
+def configuration(values: Mapping[str, Any]) -> Configuration:
+    """Check a flat mapping of parameter names to plain values.
+
+    Raises InvalidParameters with every fault, a line each.
+    """
+    faults: list[str] = []
+    node: dict[str, Any] = {}
+    for name, spec in NODE_SPECS.items():
+        try:
+            node[name] = _node_value(spec, values.get(name))
+        except ValueError as error:
+            faults.append(str(error))
+    names = list(dict.fromkeys(node.get('axes', [])))
+    faults += _bad_names(node.get('axes'))
+    axes: dict[str, AxisParameters] = {}
+    topics: dict[str, dict[Input, str]] = {}
+    for axis in names:
+        own = {name.removeprefix(f'{axis}.'): value for name, value in values.items()
+               if name.startswith(f'{axis}.')}
+        topics[axis] = {}
+        for name in (name for name in TOPICS if own.get(name) is not None):
+            try:
+                topics[axis][TOPICS[name]] = TOPIC_SPECS[name].convert(own[name])
+            except ValueError as error:
+                faults.append(f'{axis}.{error}')
+        own = {name: value for name, value in own.items() if name not in TOPIC_SPECS}
+        try:
+            axes[axis] = axis_parameters(own, axis)
+        except InvalidParameters as error:
+            faults += error.faults
+    faults += _bad_common(values)
+    faults += _unknown(values, names)
+    faults += _shared_joints(axes)
+    try:
+        sequence = home_sequence(node.get('home_sequence', []), names)
+    except ValueError as error:
+        faults.append(str(error))
+    if faults:
+        raise InvalidParameters(faults)
+    return Configuration(
+        axes, topics, node['update_rate'], node['cycle_timeout'], node['setpoint_interface'],
+        sequence)
+
+
+def home_sequence(groups: list[str], axes: list[str]) -> tuple[tuple[str, ...], ...]:
+    """Read groups such as ["z", "x, y"]; without groups the axes home one after another.
+
+    Raises ValueError for an unknown axis or one that stands in two groups.
+    """
+    if not groups:
+        return tuple((axis,) for axis in axes)
+    read = tuple(tuple(axis.strip() for axis in group.split(',')) for group in groups)
+    seen: set[str] = set()
+    for axis in (axis for group in read for axis in group):
+        if axis not in axes:
+            raise ValueError(f'home_sequence: {axis!r} is none of the axes {", ".join(axes)}')
+        if axis in seen:
+            raise ValueError(f'home_sequence: {axis!r} stands there twice')
+        seen.add(axis)
+    return read
+
+
+def check_axis_values(axis: str, values: Mapping[str, object]) -> tuple[str, ...]:
+    """Return the faults of an axis's parameters taken together, cross-checks included."""
+    own = {name: value for name, value in values.items() if name not in TOPIC_SPECS}
+    try:
+        axis_parameters(own, axis)
+    except InvalidParameters as error:
+        return error.faults
+    return ()
+
+
+def check_node_value(name: str, value: Any, axes: list[str]) -> None:
+    """Check one of the node's own parameters; raises ValueError that says what is wrong."""
+    value = _node_value(NODE_SPECS[name], value)
+    if name == 'home_sequence':
+        home_sequence(value, axes)
+
+
+def _node_value(spec: Spec, value: Any) -> Any:
+    if value is None:
+        if spec.default is REQUIRED:
+            raise ValueError(f'{spec.name}: required, but not set ({spec.text})')
+        return spec.default
+    if spec.kind is list:
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise ValueError(f'{spec.name}: {value!r} is not a list of strings; quote the names, '
+                             "YAML reads an unquoted y as true: ['x', 'y']")
+        return value
+    return spec.convert(value)
+
+
+def _bad_names(names: list[str] | None) -> list[str]:
+    if names is None:  # a fault already
+        return []
+    faults = [] if names else ["axes: no axis is named: axes: ['x', 'y']"]
+    for name in names:
+        if not AXIS_NAME.fullmatch(name):
+            faults.append(f'axes: {name!r} is not a name: a letter, then letters, digits and _')
+        elif name in RESERVED:
+            faults.append(f"axes: {name!r} is a name of the node's own")
+    if len(set(names)) < len(names):
+        faults.append(f'axes: a name stands twice in {", ".join(names)}')
+    return faults
+
+
+def _common(name: str) -> bool:
+    """Whether every ROS node has such a parameter."""
+    return name in COMMON_SPECS or name.startswith('qos_overrides.')
+
+
+def _bad_common(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for name, value in values.items():
+        try:
+            if name in COMMON_SPECS:
+                COMMON_SPECS[name].convert(value)
+            elif _common(name):
+                check_override(name, value)
+        except ValueError as error:
+            faults.append(str(error))
+    return faults
+
+
+def _unknown(values: Mapping[str, Any], axes: list[str]) -> list[str]:
+    """List the parameters that belong to nothing; those of an axis are judged with the axis."""
+    faults = []
+    for name in values:
+        axis, dot, _ = name.partition('.')
+        if name in NODE_SPECS or _common(name) or (dot and axis in axes):
+            continue
+        close = get_close_matches(name, [*NODE_SPECS, *(f'{axis}.' for axis in axes)], 1)
+        hint = f'; did you mean {close[0]!r}?' if close else ''
+        if dot:
+            hint = f'; {axis!r} is none of the axes {", ".join(axes)}'
+        faults.append(f'{name}: no such parameter{hint}')
+    return faults
+
+
+def _shared_joints(axes: Mapping[str, AxisParameters]) -> list[str]:
+    owner: dict[str, str] = {}
+    faults = []
+    for axis, parameters in axes.items():
+        joint = parameters.joint or axis
+        if joint in owner:
+            faults.append(f'{axis}.joint: {joint!r} is already the joint of axis {owner[joint]}')
+        owner.setdefault(joint, axis)
+    return faults

@@ -1,0 +1,61 @@
+"""Which policies of QoS may be overridden, and with what.
+
+By parameters ``qos_overrides.<topic>.<subscription|publisher>.<policy>``, as of every ROS node.
+"""
+
+import re
+from collections.abc import Mapping
+
+from ..procedures.states import Word
+from .definition import Spec, suggestion
+
+NAME = re.compile(r'qos_overrides\.[^.]+\.(subscription|publisher)\.(?P<policy>[^.]+)')
+
+
+class History(Word):
+    """Which messages are kept."""
+
+    keep_last = 'keep_last'
+    keep_all = 'keep_all'
+    system_default = 'system_default'
+
+
+class Reliability(Word):
+    """Whether a message that was lost is sent again."""
+
+    reliable = 'reliable'
+    best_effort = 'best_effort'
+    best_available = 'best_available'
+    system_default = 'system_default'
+
+
+class Durability(Word):
+    """Whether a late joiner receives what was published before."""
+
+    volatile = 'volatile'
+    transient_local = 'transient_local'
+    best_available = 'best_available'
+    system_default = 'system_default'
+
+
+POLICIES: Mapping[str, Spec] = {spec.name: spec for spec in (
+    Spec('which messages are kept', History, name='history'),
+    Spec('how many messages are kept', int, 'messages', 1, 2**31 - 1, name='depth'),
+    Spec('whether a lost message is sent again', Reliability, name='reliability'),
+    Spec('whether a late joiner receives what was published before', Durability,
+         name='durability'),
+)}
+
+
+def check_override(name: str, value: object) -> None:
+    """Check one parameter of ``qos_overrides``; raises ValueError that says what is wrong."""
+    found = NAME.fullmatch(name)
+    if found is None:
+        raise ValueError(
+            f'{name}: is not qos_overrides.<topic>.<subscription|publisher>.<policy>')
+    policy = found['policy']
+    if policy not in POLICIES:
+        raise ValueError(f'{name}: {policy!r} is none of {", ".join(POLICIES)}'
+                         + suggestion(policy, POLICIES))
+    spec = POLICIES[policy]._replace(name=name)
+    spec.convert(value.lower() if isinstance(value, str) else value)  # as rclpy reads it

@@ -1,0 +1,1 @@
+"""Where things are on a machine, and a simulated one."""

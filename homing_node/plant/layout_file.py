@@ -1,0 +1,178 @@
+"""Reads where things are along the axes: the parameter file of `simulated_axes`, or a plain one.
+
+A plain file holds axis names and below each the keys of layout.layouts_from. What is not
+known is left out, or null: a switch, the hard stops or one of them, ``index_offset``.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import inf, nan
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..parameters.yaml_file import OnceLoader
+from .layout import SWITCHES, AxisLayout, layouts_from
+
+PARAMETERS = 'ros__parameters'
+
+
+class InvalidLayout(ValueError):
+    """A layout file that cannot be used; ``faults`` lists why, a line each."""
+
+    def __init__(self, faults: list[str]) -> None:
+        self.faults = tuple(faults)
+        super().__init__('\n'.join(faults))
+
+
+@dataclass(frozen=True)
+class LayoutFile:
+    """What a layout file holds.
+
+    ``feedback_rate`` (Hz) and ``dead_time`` (s) are given by the parameters of `simulated_axes`.
+    """
+
+    layouts: Mapping[str, AxisLayout]
+    feedback_rate: float | None = None
+    dead_time: float | None = None
+
+
+class _Loader(OnceLoader):
+    """YAML without its surprises: y and no are names, 1e-3 is a number."""
+
+
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in known
+            if tag.rpartition(':')[2] not in ('bool', 'float', 'timestamp')]
+    for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()}
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:bool', re.compile(r'(?:true|True|TRUE|false|False|FALSE)$'), list('tTfF'))
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:float',
+    re.compile(r'[-+]?(?:(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+'
+               r'|\.(?:inf|Inf|INF|nan|NaN|NAN))$'), list('-+.0123456789'))
+
+
+@dataclass
+class _Reader:
+    """Collects the entries of the axes, and the lines where they stand."""
+
+    entries: dict[str, Any] = field(default_factory=dict)
+    lines: dict[tuple[str, str], int] = field(default_factory=dict)
+
+    def take(self, node: yaml.Node, loader: _Loader, plain: bool) -> None:
+        """Take the axes of a plain file or of a node's parameters."""
+        assert isinstance(node, yaml.MappingNode)
+        for key, value in node.value:
+            axis, dot, rest = str(key.value).partition('.')
+            line = key.start_mark.line + 1
+            if rest == 'joint' and not plain:
+                continue
+            if dot and not plain:  # x.lag: is lag: below x:
+                self._own(axis)[rest] = loader.construct_object(value, deep=True)
+                self.lines[axis, rest] = line
+            elif isinstance(value, yaml.MappingNode):
+                self._own(axis).update(
+                    (str(name), one) for name, one
+                    in loader.construct_mapping(value, deep=True).items()
+                    if plain or name != 'joint')
+                self.lines |= {(axis, str(name.value)): name.start_mark.line + 1
+                               for name, _ in value.value}
+            elif plain:
+                self.entries[axis] = loader.construct_object(value, deep=True)
+            else:
+                continue
+            self.lines.setdefault((axis, ''), line)
+
+    def _own(self, axis: str) -> dict[str, Any]:
+        own: dict[str, Any] = self.entries.setdefault(axis, {})
+        return own
+
+    def located(self, path: Path, fault: str) -> str:
+        """Put the file and the line before a fault of layouts_from."""
+        found = re.match(r'axis (.*?): (\w+)?', fault)
+        axis, key = (found[1], found[2] or '') if found else ('', '')
+        line = self.lines.get((axis, key), self.lines.get((axis, '')))
+        return f'{path}:{line}: {fault}' if line else f'{path}: {fault}'
+
+
+def load(path: str | PathLike[str]) -> LayoutFile:
+    """Read a layout file.
+
+    Raises InvalidLayout with every fault, each with the file's name and, where it is known, line.
+    """
+    path, reader = Path(path), _Reader()
+    general: dict[str, Any] = {}
+    try:
+        loader = _Loader(path.read_text(encoding='utf-8'))
+        root = loader.get_single_node()
+        if not isinstance(root, yaml.MappingNode):
+            raise InvalidLayout([f'{path}: expected the names of axes, and below each its keys'])
+        blocks = list(_blocks(root))
+        for block in blocks or [root]:
+            reader.take(block, loader, plain=not blocks)
+        for block in blocks:
+            general |= {key.value: loader.construct_object(value, deep=True)
+                        for key, value in block.value
+                        if key.value in ('feedback_rate', 'dead_time')}
+    except OSError as error:
+        raise InvalidLayout([f'{path}: {error.strerror}']) from None
+    except UnicodeDecodeError:
+        raise InvalidLayout([f'{path}: not UTF-8']) from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        text = ', '.join(filter(None, (error.context, error.problem)))
+        raise InvalidLayout([f'{path}:{mark.line + 1 if mark else 1}: {text}']) from None
+    except yaml.YAMLError as error:
+        raise InvalidLayout([f'{path}: {error}']) from None
+    if not reader.entries:
+        raise InvalidLayout([f'{path}: no axis in it'])
+    known = {axis: _filled(entries) for axis, entries in reader.entries.items()}
+    try:
+        layouts = layouts_from(known)
+    except ValueError as error:
+        raise InvalidLayout(
+            [reader.located(path, fault) for fault in str(error).splitlines()]) from None
+    for axis, entries in reader.entries.items():
+        if entries.get('index_offset', 0.0) is None:
+            layouts[axis] = layouts[axis]._replace(index_offset=nan)
+    faults = [f'{path}: {name} {value!r} is not a number'
+              for name, value in general.items()
+              if isinstance(value, bool) or not isinstance(value, int | float) or value <= 0]
+    if faults:
+        raise InvalidLayout(faults)
+    return LayoutFile(layouts, **general)
+
+
+def _blocks(node: yaml.Node) -> Iterator[yaml.MappingNode]:
+    """Yield the parameters of the nodes that a ROS parameter file has some for."""
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            if key.value != PARAMETERS:
+                yield from _blocks(value)
+            elif isinstance(value, yaml.MappingNode):
+                yield value
+
+
+def _filled(entries: object) -> object:
+    """Put something in the place of what is not known."""
+    if not isinstance(entries, dict):
+        return entries
+    filled = {key: value for key, value in entries.items() if value is not None}
+    for name in ('hard_stops', *SWITCHES):
+        ends = filled.get(name)
+        if isinstance(ends, list) and len(ends) == 2:
+            filled[name] = [unknown if end is None else end
+                            for end, unknown in zip(ends, (-inf, inf), strict=True)]
+    stops = filled.setdefault('hard_stops', [-inf, inf])
+    if ('start' not in filled and isinstance(stops, list) and len(stops) == 2
+            and all(isinstance(end, int | float) for end in stops)):
+        finite = [end for end in stops if abs(end) < inf]
+        if len(finite) == 2 and not min(finite) <= 0.0 <= max(finite):
+            filled['start'] = sum(finite) / 2
+        elif len(finite) == 1 and not (stops[0] <= 0.0 <= stops[1]):
+            filled['start'] = finite[0]
+    return filled

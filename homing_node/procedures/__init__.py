@@ -1,0 +1,1 @@
+"""Home types as tables: the words, the events, the motions, and one table for each home type."""

@@ -1,0 +1,5 @@
+"""A run without ROS: the core against the simulated plant. The node never imports it."""
+
+from .run import DIRECT, Rehearsal, Transport, rehearse
+
+__all__ = ['DIRECT', 'Rehearsal', 'Transport', 'rehearse']

@@ -1,0 +1,166 @@
+"""A node whose parameters are those of configuration.py: declared, checked, given on when set."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from ..check import Severity, check, errors
+from ..parameters.axis import AxisParameters, axis_parameters
+from ..parameters.configuration import (
+    AXIS_SPECS,
+    COMMON_SPECS,
+    NODE_SPECS,
+    TOPICS,
+    Configuration,
+    check_axis_values,
+    check_node_value,
+    configuration,
+)
+from ..parameters.definition import InvalidParameters, Spec
+from ..procedures.states import Input
+from . import convert
+
+#: Parameters that take effect at the start only.
+FIXED = ('axes', 'update_rate', 'setpoint_interface', 'joint')
+
+
+class ConfiguredNode(Node, ABC):
+    """Reads, declares and checks the parameters of the homing node.
+
+    ``configuration`` is that of the start; ``faults`` tells of each axis whose parameters, set one
+    by one since then, contradict each other, how. Raises InvalidParameters, with every fault,
+    where the parameters are bad.
+    """
+
+    def __init__(self, name: str, **kwargs: Any) -> None:
+        try:
+            super().__init__(name, **kwargs)
+        except InvalidParameterTypeException as error:  # of what every node has
+            raise InvalidParameters([str(error)]) from None
+        overrides = self._parameter_overrides
+        for key, parameter in overrides.items():
+            if parameter.type_ is Parameter.Type.NOT_SET:  # what rcl makes of an empty array
+                overrides[key] = Parameter(key, Parameter.Type.STRING_ARRAY, [])
+        self.configuration = configuration(
+            {key: parameter.value for key, parameter in overrides.items()})
+        self.faults: dict[str, tuple[str, ...]] = {}
+        self._prove(self.configuration)
+        # That of every node is there already.
+        clock = COMMON_SPECS['use_sim_time']
+        self.set_descriptor(clock.name, convert.descriptor(clock, read_only=True))
+        self._declare(NODE_SPECS)
+        for axis in self.configuration.axes:
+            self._declare(AXIS_SPECS, f'{axis}.')
+
+    def serve_parameters(self) -> None:
+        """Let parameters be set from now on."""
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+
+    def topics_of(self, axis: str) -> dict[Input, str]:
+        """Return the topics that an axis's parameters name; '' is the input's own."""
+        return {source: self.get_parameter(f'{axis}.{name}').value
+                for name, source in TOPICS.items()}
+
+    # --------------------------------------------------------------------- for the node to fill in
+
+    @abstractmethod
+    def in_use(self, axis: str) -> str:
+        """Tell who homes an axis, so that its parameters must stay; '' where nobody does."""
+
+    @abstractmethod
+    def take_axis(self, axis: str, parameters: AxisParameters) -> None:
+        """Take new parameters of an axis."""
+
+    @abstractmethod
+    def take(self, name: str, value: Any) -> None:
+        """Take a new value of one of the node's own parameters."""
+
+    # ------------------------------------------------------------------------------------- inside
+
+    def _prove(self, checked: Configuration) -> None:
+        """Refuse what `homing check` finds to be an error; log its warnings."""
+        findings = check(checked)
+        if errors(findings):
+            raise InvalidParameters(finding.text for finding in errors(findings))
+        for finding in findings:
+            if finding.severity is Severity.warning:
+                self.get_logger().warning(finding.text)
+
+    def _declare(self, specs: Mapping[str, Spec], prefix: str = '') -> None:
+        """Declare parameters, as `declare_parameters` does, but tell of all of them in one event.
+
+        rclpy publishes an event for each, which every ROS node of the graph reads.
+        """
+        given = self._parameter_overrides
+        parameters, descriptors = [], {}
+        for key, spec in specs.items():
+            name = prefix + key
+            value = convert.plain(spec.initial)
+            kind = Parameter.Type.STRING_ARRAY if isinstance(value, list) else None  # also of []
+            parameters.append(given.get(name) or Parameter(name, kind, value))
+            descriptors[name] = convert.descriptor(spec, read_only=key in FIXED)
+        result = self._set_parameters_atomically_common(parameters, descriptors)
+        assert result.successful, result.reason
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters; a bad value is answered with its name, value, bound and unit.
+
+        Checked before rclpy tests the range, which would answer without them.
+        """
+        unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
+        if unknown:  # rclpy would not say which
+            return SetParametersResult(
+                successful=False, reason=f'no such parameter: {", ".join(unknown)}')
+        deleted = [p.name for p in parameter_list if p.type_ is Parameter.Type.NOT_SET]
+        if deleted:
+            return SetParametersResult(
+                successful=False,
+                reason=f'{", ".join(deleted)}: cannot be deleted; set the value that is wanted')
+        result = self._check_parameters(parameter_list)
+        return super().set_parameters_atomically(parameter_list) if result.successful else result
+
+    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Check each value, and the cross-checks where several are set together."""
+        axes = self.configuration.axes
+        faults: list[str] = []
+        changed: dict[str, dict[str, object]] = {}
+        for parameter in parameters:
+            axis, _, name = parameter.name.partition('.')
+            try:
+                if parameter.name in NODE_SPECS:
+                    check_node_value(parameter.name, parameter.value, list(axes))
+                elif axis in axes and (user := self.in_use(axis)):
+                    faults.append(f'{parameter.name}: {user}; set it afterwards')
+                elif axis in axes:
+                    value = AXIS_SPECS[name].convert(parameter.value)
+                    changed.setdefault(axis, {})[name] = value
+            except ValueError as error:
+                faults.append(f'{axis}.{error}' if axis in axes else str(error))
+        for axis, values in changed.items():
+            if len(values) > 1 and not faults:
+                faults += check_axis_values(axis, {**self._values(axis), **values})
+        return SetParametersResult(successful=not faults, reason='; '.join(faults))
+
+    def _apply_parameters(self, parameters: list[Parameter]) -> None:
+        """Give on what was set; the axes have it at their next run."""
+        for parameter in parameters:
+            if parameter.name in NODE_SPECS:
+                self.take(parameter.name, parameter.value)
+        for axis in {p.name.partition('.')[0] for p in parameters} & set(self.configuration.axes):
+            self.faults.pop(axis, None)
+            try:
+                self.take_axis(axis, axis_parameters(self._values(axis), axis))
+            except InvalidParameters as error:
+                self.faults[axis] = error.faults
+
+    def _values(self, axis: str) -> dict[str, object]:
+        """Return those parameters of an axis that are set, without its topics."""
+        values = {name: self.get_parameter(f'{axis}.{name}').value for name in AXIS_SPECS}
+        return {name: value for name, value in values.items()
+                if value is not None and name not in TOPICS}

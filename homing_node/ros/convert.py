@@ -1,0 +1,165 @@
+"""ROS messages to and from values, and parameter descriptors.
+
+Scalars are cast to their field's type: a wrong type is not noticed when a message is sent.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from homing_interfaces.action import Home
+from homing_interfaces.msg import AxisState
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from ..core.axis import Axis
+from ..core.outcome import Outcome
+from ..parameters.definition import LARGEST, Spec
+from ..procedures.states import Error
+from .serialized import NS
+
+
+def descriptor(spec: Spec, read_only: bool = False) -> ParameterDescriptor:
+    """Describe a parameter: text, unit, choices, range.
+
+    Typing is dynamic so that integers are accepted for real parameters; the node converts.
+    """
+    text = spec.text + (f' [{spec.unit}]' if spec.unit else '')
+    constraints = [spec.bounds and f'{spec.bounds} {spec.unit}'.rstrip(),
+                   spec.choices and 'one of ' + ', '.join(spec.choices)]
+    described = ParameterDescriptor(
+        description=text, dynamic_typing=True, read_only=read_only,
+        additional_constraints='; '.join(c for c in constraints if c))
+    bounded = math.isfinite(spec.minimum) or math.isfinite(spec.maximum)
+    if spec.kind is float and bounded:
+        described.floating_point_range = [FloatingPointRange(
+            from_value=max(spec.minimum, -LARGEST), to_value=min(spec.maximum, LARGEST))]
+    elif spec.kind is int and bounded:
+        described.integer_range = [IntegerRange(
+            from_value=int(max(spec.minimum, -2**31)), to_value=int(min(spec.maximum, 2**31)))]
+    return described
+
+
+def plain(value: object) -> object:
+    """Return a parameter's value as ROS stores it."""
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, Sequence):
+        return [str(item) for item in value]
+    return value
+
+
+def to_stamp(nanoseconds: int) -> Time:
+    return Time(sec=nanoseconds // NS, nanosec=nanoseconds % NS)
+
+
+def data_of(data: bytes, kind: type[Any]) -> bool | float | None:
+    """Return the value of a serialized Bool or Float64, None where it is broken."""
+    try:
+        value: bool | float = deserialize_message(data, kind).data
+    except RuntimeError:
+        return None
+    return value
+
+
+def position_commands(commands: Iterable[float]) -> Float64MultiArray:
+    return Float64MultiArray(data=[float(c) for c in commands])
+
+
+def joint_states(stamp: int, homed: Mapping[str, float]) -> JointState:
+    """Make the homed coordinates of the homed joints into a message."""
+    message = JointState(name=list(homed), position=[float(p) for p in homed.values()])
+    message.header.stamp = to_stamp(stamp)
+    return message
+
+
+def home_message(outcomes: Mapping[str, Outcome]) -> str:
+    """Tell how a request for some axes ended: the first failure, or the home of each.
+
+    What was canceled is rather a consequence than the first failure.
+    """
+    failed = [outcome for outcome in outcomes.values() if not outcome.success]
+    if failed:
+        first = min(failed, key=lambda outcome: outcome.error is Error.Canceled)
+        return _warned(f'{first.error}: {first.message}', first)
+    homes = {axis: _warned(_home_text(one), one) for axis, one in outcomes.items()}
+    several = len(homes) > 1
+    return 'Homed: ' + '; '.join(
+        f'{axis}: {home}' if several else home for axis, home in homes.items())
+
+
+def _home_text(outcome: Outcome) -> str:
+    text = (f'home_position_raw={outcome.home_position_raw:.12g} '
+            f'home_offset={outcome.home_offset:.12g} uncertainty={outcome.uncertainty:.3g}')
+    if outcome.passes > 1:
+        text += (f' passes={outcome.passes} range={outcome.passes_range:.3g} '
+                 f'deviation={outcome.passes_deviation:.3g}')
+    if outcome.index_margin is not None:
+        text += f' index_margin={outcome.index_margin:.3f}'
+    return text
+
+
+def _warned(text: str, outcome: Outcome) -> str:
+    return ' | warning: '.join([text, *outcome.warnings])
+
+
+def cancel_message(moving: Sequence[str], waiting: Sequence[str]) -> str:
+    """Tell what was canceled: axes that moved and rest now, and axes that waited to start."""
+    parts = [f'{what}: {", ".join(names)}'
+             for what, names in (('at rest', moving), ('not started', waiting)) if names]
+    return f'canceled, {"; ".join(parts)}' if parts else 'nothing to cancel'
+
+
+def axis_state(stamp: int, axis: Axis) -> AxisState:
+    """Tell where an axis stands; while it stops after an error, that error already."""
+    outcome = axis.outcome
+    message = AxisState(
+        axis=axis.name, state=str(axis.state), paused=axis.paused, homed=bool(axis.homed),
+        error=str(axis.error), message=axis.message, position=float(axis.position),
+        home_offset=float(outcome.home_offset),
+        home_position_raw=float(axis.home_position_raw),
+        uncertainty=float(outcome.uncertainty))
+    message.header.stamp = to_stamp(stamp)
+    return message
+
+
+def feedback(stamp: int, axes: Sequence[Axis]) -> Home.Feedback:
+    """Tell a goal of the action how far each of its axes has come; a bound of 0 is none."""
+    message = Home.Feedback(states=[axis_state(stamp, axis) for axis in axes])
+    for axis in axes:
+        traveled, bound = axis.machine.traveled if axis.machine else (0.0, 0.0)
+        message.distance_traveled.append(float(traveled))
+        message.distance_bound.append(float(bound) if math.isfinite(bound) else 0.0)
+    return message
+
+
+def diagnostics(stamp: int, node: str, axes: Iterable[Axis]) -> DiagnosticArray:
+    """Tell the level, state, last outcome and the history of every axis."""
+    message = DiagnosticArray(status=[_diagnostic(node, axis) for axis in axes])
+    message.header.stamp = to_stamp(stamp)
+    return message
+
+
+def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
+    outcome = axis.outcome
+    level, text = DiagnosticStatus.OK, 'homed' if axis.homed else str(axis.state)
+    if outcome.error is not Error.NoError:
+        level, text = DiagnosticStatus.ERROR, f'{outcome.error}: {outcome.message}'
+    elif not axis.homed and not axis.running:
+        level, text = DiagnosticStatus.WARN, 'not homed'
+    elif outcome.warnings:
+        level, text = DiagnosticStatus.WARN, f'{text}; {"; ".join(outcome.warnings)}'
+    history = axis.history
+    values = {
+        'state': axis.state, 'homed': axis.homed, 'error': outcome.error,
+        'home_position_raw': outcome.home_position_raw, 'home_offset': outcome.home_offset,
+        'uncertainty': outcome.uncertainty, 'index_margin': outcome.index_margin,
+        'runs': history.runs, 'runs_homed': history.homed, 'home_range': history.range,
+        'home_deviation': history.deviation}
+    return DiagnosticStatus(
+        level=level, name=f'{node}: {axis.name}', message=text, hardware_id=axis.name,
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])

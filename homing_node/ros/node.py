@@ -1,0 +1,346 @@
+"""The homing node: topics, services and parameters around the axes.
+
+Three threads. The *cycle* polls the inputs, updates the axes and publishes setpoints on a fixed
+grid. The *executor* (the main thread) answers services and parameters. The *reports* publish what
+others watch. ``_lock`` guards the axes; nothing is published or waited for while it is held.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from homing_interfaces.action import Home
+from homing_interfaces.msg import AxisState
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
+from rclpy.exceptions import NameValidationException
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64, Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from ..core.axis import Axis, Setpoint
+from ..core.dispatch import Dispatch
+from ..core.outcome import Outcome
+from ..parameters.axis import AxisParameters
+from ..parameters.configuration import SetpointInterface, home_sequence
+from ..parameters.qos import POLICIES
+from ..procedures.states import Error
+from . import convert
+from .arrivals import Arrivals
+from .configured_node import ConfiguredNode
+from .inputs import Inputs
+from .reports import Publishers, Reports
+from .serialized import TrajectoryWriter
+from .services import Services
+from .timebase import Lead, TimeBase, wake_precisely
+
+BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in POLICIES])
+
+#: Simulated time is 0 until /clock is heard, s.
+FIRST_INSTANT = 1e-9
+#: How often the publishers of the inputs are counted, s.
+WATCH_PERIOD = 0.1
+
+
+def latched(depth: int) -> QoSProfile:
+    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Polled(CallbackGroup):
+    """Keeps subscriptions from the executor: the cycle polls them (a tenth of the load)."""
+
+    def can_execute(self, entity: object) -> bool:
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        pass
+
+
+class HomingNode(ConfiguredNode):
+    """Homes the axes that its parameters describe; doc/ros_interface.md is its contract.
+
+    Raises InvalidParameters, with every fault, where the parameters are bad.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__('homing_node', **kwargs)
+        checked = self.configuration
+        self._period = 1.0 / checked.update_rate
+        self._cycle_timeout = checked.cycle_timeout
+        self._by_trajectory = checked.setpoint_interface is SetpointInterface.trajectory
+        self._joints = checked.joints
+        self._axes = {name: Axis(name, parameters, self._period)
+                      for name, parameters in checked.axes.items()}
+        self._writer = TrajectoryWriter(self._period)
+        self._commands: dict[str, float] = {}  # of all axes while requests are active
+        self._watched = 0.0
+        self._lead = Lead(self._period)
+        self._stop_requested = False
+        self.finished = threading.Event()
+        self.broken = False
+
+        self._lock = threading.Lock()
+        simulated = bool(self.get_parameter('use_sim_time').value)
+        self._timebase = TimeBase(self._ros_time if simulated else None)
+        polled = Polled()
+
+        def subscribe(kind: Any, topic: str, qos: Any) -> Any:
+            try:
+                return self.create_subscription(
+                    kind, topic, _never_called, qos, callback_group=polled,
+                    qos_overriding_options=OVERRIDABLE)
+            except (RuntimeError, NameValidationException) as error:  # another type; too long
+                why = str(error).partition('\n')[0].rstrip(':')
+                raise ValueError(f'cannot subscribe to {topic}: {why}') from None
+
+        self._inputs = Inputs(self._axes, self._joints, self._timebase, subscribe,
+                              self.destroy_subscription, BEST_EFFORT, Arrivals(), self._hold_up)
+        for name in self._axes:
+            self._inputs.wire(name, self.topics_of(name))
+        self._dispatch = Dispatch(self._axes, checked.home_sequence, self._unready)
+        self._create_publishers()
+        self._create_services()
+        self.serve_parameters()
+
+    # ---------------------------------------------------------------------------------- creation
+
+    def _create_publishers(self) -> None:
+        self._trajectory = self.create_publisher(
+            JointTrajectory, '~/setpoints', 1, qos_overriding_options=OVERRIDABLE)
+        self._position_commands = self.create_publisher(
+            Float64MultiArray, '~/position_commands', 1, qos_overriding_options=OVERRIDABLE)
+
+        def per_axis(kind: Any, name: str, qos: Any) -> dict[str, Any]:
+            return {axis: self.create_publisher(kind, f'~/{axis}/{name}', qos)
+                    for axis in self._axes}
+
+        publishers = Publishers(
+            states=per_axis(AxisState, 'state', latched(10)),
+            servos=per_axis(Bool, 'servo_on', latched(1)),
+            torque_limits=per_axis(Float64, 'torque_limit', latched(1)),
+            joint_states=self.create_publisher(JointState, '~/joint_states', 10),
+            diagnostics=self.create_publisher(DiagnosticArray, '/diagnostics', 1))
+        self._reports = Reports(
+            self._axes, self._joints, publishers, self._ros_time, self._lock, self.get_name(),
+            self.get_logger())
+
+    def _create_services(self) -> None:
+        group = ReentrantCallbackGroup()
+        services = Services(
+            self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll)
+
+        def serve(kind: Any, name: str, callback: Any) -> None:
+            self.create_service(kind, name, callback, callback_group=group)
+
+        for name, axis in self._axes.items():
+            serve(Trigger, f'~/{name}/home', services.home([name], f'~/{name}/home'))
+            serve(Trigger, f'~/{name}/cancel', services.cancel([name]))
+            serve(Trigger, f'~/{name}/continue', services.resume(axis))
+            serve(SetBool, f'~/{name}/servo', services.servo(axis))
+        serve(Trigger, '~/home', services.home(list(self._axes), '~/home'))
+        serve(Trigger, '~/cancel', services.cancel(list(self._axes)))
+
+        def cancel(goal: Any) -> CancelResponse:
+            services.cancel_goal(goal)
+            return CancelResponse.ACCEPT
+
+        self._action = ActionServer(
+            self, Home, '~/home', services.execute, cancel_callback=cancel,
+            callback_group=group)
+
+    def _ros_time(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
+    def _unready(self, name: str) -> Outcome | None:
+        """Return why an axis cannot home for a reason that only the node knows."""
+        if name in self.faults:
+            return Outcome(Error.InvalidParameter, '; '.join(self.faults[name]))
+        if self._timebase.now < FIRST_INSTANT:
+            return Outcome(
+                Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard, or is at 0')
+        if not self._by_trajectory:  # every axis is told a position, also one that only rests
+            for axis in self._axes.values():
+                if not axis.known:
+                    return Outcome(Error.FeedbackStale, f'axis {axis.name}: no feedback yet')
+        return self._inputs.unready(name, self._publishers_of)
+
+    def _publishers_of(self, topic: str) -> list[str]:
+        return sorted(f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                      for info in self.get_publishers_info_by_topic(topic))
+
+    # -------------------------------------------------------------------------------- parameters
+
+    def in_use(self, axis: str) -> str:
+        """Tell who homes an axis, or will within a sequence."""
+        with self._lock:
+            refusal = self._dispatch.busy(axis)
+        return '' if refusal is None else refusal.message
+
+    def take_axis(self, axis: str, parameters: AxisParameters) -> None:
+        """Give an axis new parameters, which it has at its next run."""
+        with self._lock:
+            self._axes[axis].configure(parameters)
+            self._inputs.wire(axis, self.topics_of(axis))
+
+    def take(self, name: str, value: Any) -> None:
+        """Take a new value of one of the node's own parameters."""
+        if name == 'home_sequence':
+            self._dispatch.groups = home_sequence(value, list(self._axes))
+        elif name == 'cycle_timeout':
+            self._cycle_timeout = float(value)
+
+    # ------------------------------------------------------------------------------------- cycle
+
+    def start(self) -> None:
+        """Start the threads; the caller spins the executor."""
+        ended = self.finished.is_set
+        loops = {'cycle': self._cycle_loop, 'reports': self._reports.run}
+        self._threads = [
+            threading.Thread(target=self._guarded, args=(name, loop, ended), name=name)
+            for name, loop in loops.items()]
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """Stop every axis, answer every request, then finish."""
+        self._stop_requested = True
+
+    def join(self) -> None:
+        """Wait for the threads."""
+        for thread in self._threads:
+            thread.join()
+
+    def _guarded(
+        self, name: str, loop: Callable[[Callable[[], bool]], None], ended: Callable[[], bool]
+    ) -> None:
+        """Run a thread's loop; where it breaks the node ends: it must not seem alive.
+
+        The axes stop before that, unless it is the cycle itself.
+        """
+        try:
+            loop(ended)
+        except Exception as error:
+            if not ended():
+                self.get_logger().fatal(f'the {name} broke: {error!r}')
+                self.broken = True
+                if name == 'cycle':
+                    self._finish()
+                else:
+                    self.stop()
+                raise
+
+    def _cycle_loop(self, ended: Callable[[], bool]) -> None:
+        clock = self._timebase
+        wake_precisely()
+
+        def hopeless() -> bool:
+            return ended() or (self._stop_requested and clock.stands)
+
+        with self._lock:
+            for axis in self._axes.values():
+                self._reports.note(axis)
+        clock.sleep_until(FIRST_INSTANT, hopeless)
+        due = clock.read()
+        while not ended():
+            due += self._period
+            begin = due - self._lead.time
+            clock.sleep_until(begin, hopeless)
+            if hopeless():
+                self._abandon()
+                return
+            late = clock.read() - begin
+            hold_up = self._hold_up(late)
+            if hold_up:
+                with self._lock:
+                    for axis in self._axes.values():
+                        axis.held_up(clock.now - self._cycle_timeout, hold_up)
+            elif late < -self._period:
+                self._set_back(-late)
+            if abs(late) >= self._period:
+                due = clock.now + self._lead.time  # what was missed is not made up for
+            self._cycle(clock.now, due)
+
+    def _hold_up(self, late: float) -> str:
+        """Tell of a cycle that was late, s; '' where that is within the bound."""
+        limit = self._cycle_timeout
+        return '' if late <= limit else (
+            f'a control cycle was {late:.3f} s late, more than {limit:g} s (cycle_timeout)')
+
+    def _cycle(self, now: float, due: float) -> None:
+        """Poll the inputs, update the axes, publish the setpoints, answer what ended."""
+        setpoints, changed = {}, False
+        with self._lock:
+            self._inputs.poll()
+            if now - self._watched > WATCH_PERIOD:
+                self._watched = now
+                self._inputs.watch()
+            if self._stop_requested:
+                self._dispatch.close()
+            for name, axis in self._axes.items():
+                setpoint = axis.update(now)
+                if setpoint is not None:
+                    setpoints[name] = setpoint
+                changed = self._reports.note(axis) or changed
+            answered = changed and self._dispatch.update(now)
+            idle = self._dispatch.idle
+            finished = idle and self._dispatch.closed
+        if setpoints:
+            if not self._timebase.simulated:
+                self._lead.learn(time.monotonic() > due)
+            self._publish(setpoints)
+        if idle:
+            self._commands.clear()
+        if finished:
+            self._finish()
+        elif answered:
+            self._wake()
+
+    def _publish(self, setpoints: Mapping[str, Setpoint]) -> None:
+        if self._by_trajectory:
+            joints = [self._joints[name] for name in setpoints]
+            self._trajectory.publish(self._writer.write(joints, setpoints.values()))
+            return
+        for name, axis in self._axes.items():
+            if name in setpoints:
+                self._commands[name], _, _ = setpoints[name]
+            elif name not in self._commands:
+                self._commands[name] = axis.hold_position
+        commands = [self._commands[name] for name in self._axes]
+        self._position_commands.publish(convert.position_commands(commands))
+
+    def _abandon(self) -> None:
+        """End although axes may not be at rest: where time stands still nothing can stop."""
+        with self._lock:
+            self._dispatch.abandon('the node ended while simulated time stood still')
+        self._finish()
+
+    def _set_back(self, step: float) -> None:
+        """Stop every axis; forget what was known at times that are to come once more."""
+        text = f'simulated time was set back by about {step:.3f} s'
+        now = self._watched = self._timebase.now
+        with self._lock:
+            for axis in self._axes.values():
+                axis.stop(Error.CycleLate, text)
+                axis.set_back(now)
+
+    def _finish(self) -> None:
+        self.finished.set()
+        self._wake()
+
+    def _wake(self) -> None:
+        """Let the executor look at the services that wait for an answer."""
+        if self.executor is not None:
+            self.executor.create_task(_never_called)
+
+
+def _never_called(*_: object) -> None:
+    """Stand where rclpy wants a callback: polled subscriptions have none, waking needs none."""

@@ -1,0 +1,130 @@
+"""What clients ask of the axes: the node's services and its action.
+
+Every callback is short or a coroutine that awaits an answer of the cycle, so that the executor
+goes on answering. ``lock`` guards the axes.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from homing_interfaces.action import Home
+from std_srvs.srv import SetBool, Trigger
+
+from ..core.axis import Axis
+from ..core.dispatch import Dispatch
+from ..core.outcome import Outcome
+from ..core.request import Request
+from ..procedures.states import Error
+from . import convert
+from .reports import Reports
+from .timebase import TimeBase
+
+
+class Services:
+    """The servers; the node gives each of them its name.
+
+    ``poll`` gives the axes what has arrived: what was told before a request counts before it.
+    """
+
+    def __init__(
+        self, dispatch: Dispatch, reports: Reports, timebase: TimeBase, lock: threading.Lock,
+        poll: Callable[[], None],
+    ) -> None:
+        self._dispatch, self._reports = dispatch, reports
+        self._timebase, self._lock, self._poll = timebase, lock, poll
+        self._goals: dict[bytes, Request] = {}
+
+    def home(self, names: Sequence[str], owner: str) -> Any:
+        """Return a server that homes some axes and answers when they have ended."""
+
+        async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            outcomes = await self._home(names, owner)
+            response.success = all(outcome.success for outcome in outcomes.values())
+            response.message = convert.home_message(outcomes)
+            return response
+
+        return serve
+
+    def cancel(self, names: Sequence[str]) -> Any:
+        """Return a server that stops some axes and answers when they are at rest."""
+
+        async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            with self._lock:
+                moving, waiting, answer = self._dispatch.cancel(names)
+            await answer
+            response.success = True
+            response.message = convert.cancel_message(moving, waiting)
+            return response
+
+        return serve
+
+    def resume(self, axis: Axis) -> Any:
+        """Return a server that leaves the pause of an axis."""
+
+        def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            with self._lock:
+                response.success = axis.paused
+                axis.resume()
+            response.message = '' if response.success else f'axis {axis.name} is not paused'
+            return response
+
+        return serve
+
+    def servo(self, axis: Axis) -> Any:
+        """Return a server that sets the servo that we want of an axis."""
+
+        def serve(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+            with self._lock:
+                axis.set_servo(bool(request.data))
+                self._reports.note(axis)  # off and on again within one cycle are two messages
+            response.success = True
+            response.message = f'servo_on of axis {axis.name}: {str(axis.servo_on).lower()}'
+            return response
+
+        return serve
+
+    async def execute(self, goal: Any) -> Home.Result:
+        """Run a goal of the action; a refused goal is aborted, and its result says why."""
+        names = list(dict.fromkeys(goal.request.axes)) or self._dispatch.names
+        key = bytes(goal.goal_id.uuid)
+        self._reports.follow(goal, names)
+        outcomes = await self._home(names, '~/home (action)', key, goal.is_cancel_requested)
+        self._reports.unfollow(goal)
+        canceled = goal.is_cancel_requested
+        self._goals.pop(key, None)
+        success = all(outcome.success for outcome in outcomes.values())
+        if success:
+            goal.succeed()
+        elif canceled:
+            goal.canceled()
+        else:
+            goal.abort()
+        with self._lock:
+            states = self._reports.states(names)
+        return Home.Result(
+            success=success, message=convert.home_message(outcomes), states=states)
+
+    def cancel_goal(self, goal: Any) -> None:
+        """Stop what a goal homes; its result comes when its axes are at rest."""
+        with self._lock:
+            request = self._goals.get(bytes(goal.goal_id.uuid))
+            if request is not None:
+                request.cancel(request.names)
+
+    async def _home(
+        self, names: Sequence[str], owner: str, key: bytes = b'', canceled: bool = False
+    ) -> dict[str, Outcome]:
+        """Home some axes and return how each of them ended, or by '' why none was started."""
+        if canceled:
+            return {'': Outcome(Error.Canceled, 'canceled before anything moved')}
+        with self._lock:
+            self._poll()
+            started = self._dispatch.home(names, owner, self._timebase.polled)
+            if isinstance(started, Outcome):
+                return {'': started}
+            answer = self._dispatch.answer(started)
+            if key:
+                self._goals[key] = started
+        await answer
+        return {name: started.outcomes[name] for name in started.names}

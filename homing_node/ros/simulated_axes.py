@@ -1,0 +1,423 @@
+"""The executable `simulated_axes`: the plant of simulation.py as a process of its own.
+
+The homing node takes the time of an edge from the time stamp that the middleware gives the
+message in publish(), so a message must be published when its event happens. Therefore the world
+is computed ahead: what a setpoint causes begins `dead_time` after it arrived (the transport delay
+of a drive), and every change of an input and every feedback sample waits in a queue until its own
+time. One thread does all of it. When the process was held up, the world stands still for as long:
+nothing is published late in a burst, and stamps keep fitting the positions.
+
+No executor spins this node, so it has no services and `ros2 param` cannot ask it.
+"""
+
+import gc
+import os
+import signal
+import sys
+import time
+from array import array
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf, isfinite
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import rclpy
+from rclpy.logging import LoggingSeverity
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64, Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from ..course import Happening
+from ..plant.layout import AxisLayout, layouts_from
+from ..plant.simulated_axis import SimulatedAxis
+from ..procedures.states import Input
+from .transport import choose_udp
+
+#: How long before something is due the thread wakes up and waits for the exact time, s.
+LEAD = 0.0001
+#: How long before a change nothing else is begun that can wait, s. Publishing can take this long:
+#: the reader that it wakes up may take the processor.
+CLEAR = 0.001
+#: Lateness of a change, and of feedback, from which on the world stands still for as long, s. The
+#: former is half a feedback interval at 500 Hz: an edge then is never off by more than one.
+HELD_UP = 0.001
+STALL = 0.05
+
+SERVO = Input.SERVO_ENABLED.value
+
+RELIABLE = QoSProfile(depth=100)
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The parameters of the node."""
+
+    layouts: Mapping[str, AxisLayout]
+    joints: Sequence[str]
+    feedback_rate: float = 500.0  # Hz
+    step_rate: float = 1000.0  # Hz
+    dead_time: float = 0.004  # s
+    target_node: str = '/homing_node'
+    setpoint_interface: str = 'trajectory'
+    setpoint_period: float = 0.004  # s, of position commands: they do not say how long they take
+
+
+def settings_from(parameters: Mapping[str, Any]) -> Settings:
+    """Read the node's parameters; raise one ValueError that lists every fault, one a line."""
+    left = {
+        name: list(value) if isinstance(value, array) else value
+        for name, value in parameters.items()
+        if value is not None
+    }
+    faults = []
+
+    def real(name: str, unit: str, least: float, most: float) -> float:
+        default = float(getattr(Settings, name))
+        value = left.pop(name, default)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+            faults.append(f'{name} {value!r} is not a number (unit: {unit})')
+        elif not least <= value <= most:
+            faults.append(f'{name} {value} {unit} is not within {least} to {most} {unit}')
+        else:
+            return float(value)
+        return default
+
+    if left.pop('use_sim_time', False):
+        faults.append('use_sim_time is true, but the simulated axes run in real time')
+    left.pop('start_type_description_service', None)
+    axes = left.pop('axes', [])
+    if not isinstance(axes, list) or not axes or not all(isinstance(a, str) for a in axes):
+        faults.append(f'axes {axes!r} is not a list of names: axes: ["x", "y"]')
+        axes = []
+    elif len(set(axes)) < len(axes):
+        faults.append(f'axes {axes!r} has a name twice')
+    step_rate = real('step_rate', 'Hz', 100.0, 10000.0)
+    feedback_rate = real('feedback_rate', 'Hz', 1.0, 5000.0)
+    dead_time = real('dead_time', 's', 2.0 / step_rate, 1.0)
+    setpoint_period = real('setpoint_period', 's', 0.0, 1.0)
+    target = left.pop('target_node', Settings.target_node)
+    interface = left.pop('setpoint_interface', Settings.setpoint_interface)
+    if interface not in ('trajectory', 'position'):
+        faults.append(f'setpoint_interface {interface!r} is neither trajectory nor position')
+    joints = [str(left.pop(f'{axis}.joint', axis)) for axis in axes]
+    if len(set(joints)) < len(joints):
+        faults.append(f'joints {joints!r}: two axes have the same joint')
+    entries: dict[str, dict[str, Any]] = {axis: {} for axis in axes}
+    for name, value in left.items():
+        axis, _, key = name.partition('.')
+        if not key:
+            faults.append(f'{name} is unknown')
+        elif axis in entries:
+            entries[axis][key] = value
+        elif (fault := f'{axis}.…: {axis} is none of axes {axes!r}') not in faults:
+            faults.append(fault)
+    layouts: Mapping[str, AxisLayout] = {}
+    try:
+        layouts = layouts_from(entries)
+    except ValueError as error:
+        faults.append(str(error))
+    if faults:
+        raise ValueError('\n'.join(faults))
+    return Settings(
+        layouts,
+        joints,
+        feedback_rate,
+        step_rate,
+        dead_time,
+        str(target).rstrip('/'),
+        interface,
+        setpoint_period,
+    )
+
+
+class Sample(NamedTuple):
+    """A feedback sample of all axes; positions in m or rad, velocities per s."""
+
+    time: float
+    position: 'array[float]'
+    velocity: 'array[float]'
+
+
+class Change(NamedTuple):
+    """A happening that waits for its time."""
+
+    time: float
+    output: 'Output'
+    message: Bool | Float64
+    happening: Happening
+
+
+@dataclass
+class Output:
+    """The publisher of one input of an axis."""
+
+    axis: str
+    publisher: Any
+    level: Bool | None = None  # the last published one; a latch has none
+    readers: int = 0
+
+    def tell(self, level: bool) -> bool:
+        """Publish a level if it has changed; return whether it has."""
+        changed: bool = self.level.data != level
+        if changed:
+            self.level = Bool(data=level)
+            self.publisher.publish(self.level)
+        return changed
+
+    def greet(self) -> None:
+        """Tell the level to readers that came since the last call and do not ask for history."""
+        readers = self.publisher.get_subscription_count()
+        if readers > self.readers:
+            self.publisher.publish(self.level)
+        self.readers = readers
+
+
+@dataclass
+class Lateness:
+    """How well the process kept the time, s."""
+
+    worst: float = 0.0  # of publishing a happening
+    happenings: int = 0
+    hold_ups: int = 0
+    held_up: float = 0.0  # in all
+
+
+class SimulatedAxes:
+    """The simulated world in real time."""
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._logger = node.get_logger()
+        self._debug = self._logger.is_enabled_for(LoggingSeverity.DEBUG)
+        self._axes = {name: SimulatedAxis(layout) for name, layout in settings.layouts.items()}
+        self._by_joint = dict(zip(settings.joints, self._axes.values(), strict=True))
+        self._dt = 1.0 / settings.step_rate
+        self._dead_time = settings.dead_time
+        self._feedback_rate = settings.feedback_rate
+        self._setpoint_period = settings.setpoint_period
+        self._count = 0  # of the samples computed
+        self._samples: deque[Sample] = deque()
+        self._changes: deque[Change] = deque()
+        self._front = 0.0  # the world is computed up to this time of its own, s
+        self._base = 0.0  # the monotonic time at which the world's time 0 is due, s
+        self._to_system = 0  # what turns monotonic time into system time, ns
+        self.lateness = Lateness()
+
+        self._joint_states = node.create_publisher(JointState, 'joint_states', RELIABLE)
+        self._feedback = JointState(name=list(settings.joints))
+        self._outputs: dict[tuple[str, str], Output] = {}
+        self._inputs: list[tuple[Any, Callable[[Any], None]]] = []
+        for name, layout in settings.layouts.items():
+            self._connect(node, f'{settings.target_node}/{name}', name, layout)
+        self._switches = deque(o for o in self._outputs.values() if o.level is not None)
+        if settings.setpoint_interface == 'trajectory':
+            topic, kind, take = 'setpoints', JointTrajectory, self._take_trajectory
+        else:
+            topic, kind, take = 'position_commands', Float64MultiArray, self._take_positions
+        self._subscribe(node, kind, f'{settings.target_node}/{topic}', QoSProfile(depth=10), take)
+
+    def _connect(self, node: Node, prefix: str, name: str, layout: AxisLayout) -> None:
+        """Create an axis's publishers and subscription, and publish the first levels."""
+        axis = self._axes[name]
+        for key, level in {**axis.levels(), SERVO: axis.enabled}.items():
+            publisher = node.create_publisher(Bool, f'{prefix}/{key}', LATCHED)
+            output = Output(name, publisher, Bool(data=level))
+            publisher.publish(output.level)
+            self._outputs[name, key] = output
+        latches = {
+            Input.Z_PULSE.value: layout.index_pitch > 0.0,
+            Input.TOUCH_PROBE.value: layout.touch_probe is not None,
+        }
+        for key, fitted in latches.items():
+            if fitted:
+                publisher = node.create_publisher(Float64, f'{prefix}/{key}', RELIABLE)
+                self._outputs[name, key] = Output(name, publisher)
+        qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._subscribe(node, Bool, f'{prefix}/servo_on', qos, lambda m: axis.servo(m.data))
+
+    def _subscribe(
+        self, node: Node, kind: Any, topic: str, qos: QoSProfile, take: Callable[[Any], None]
+    ) -> None:
+        """Subscribe to a topic that is polled at every step."""
+        self._inputs.append((node.create_subscription(kind, topic, take, qos), take))
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Let the world's time pass until `stopped()`."""
+        self._compare_clocks()
+        self._base = time.monotonic() + self._dead_time
+        while not stopped():
+            now = time.monotonic()
+            change = self._base + self._changes[0].time if self._changes else inf
+            sample = self._base + self._samples[0].time if self._samples else inf
+            front = self._base + self._front
+            turn = front - self._dead_time  # when to compute the next step
+            if now - change > HELD_UP:
+                self._stand_still(now - change)
+            elif now - min(sample, front) > STALL:
+                self._stand_still(now - min(sample, front))
+            elif change - now <= LEAD:
+                while time.monotonic() < change:
+                    pass
+                self._publish_change(self._changes.popleft(), change)
+            elif sample <= now and (change - now > CLEAR or now - sample > CLEAR):
+                self._publish_sample(self._samples.popleft(), sample)
+            elif turn <= now and (change - now > CLEAR or turn <= now - CLEAR):
+                self._step()
+            else:
+                time.sleep(min(t for t in (change - LEAD, sample, turn) if t > now) - now)
+
+    def _stand_still(self, late: float) -> None:
+        self._base += late
+        self.lateness.hold_ups += 1
+        self.lateness.held_up += late
+        if late > STALL:
+            self._logger.warning(f'held up for {late:.3f} s: the axes stood still meanwhile')
+
+    def _compare_clocks(self) -> None:
+        """Find what turns monotonic into system time, from the closest of a few readings."""
+        readings = []
+        for _ in range(3):
+            before, system = time.monotonic_ns(), time.time_ns()
+            after = time.monotonic_ns()
+            readings.append((after - before, system - (before + after) // 2))
+        self._to_system = min(readings)[1]
+
+    def _publish_sample(self, sample: Sample, due: float) -> None:
+        stamp = self._feedback.header.stamp
+        stamp.sec, stamp.nanosec = divmod(int(due * 1e9) + self._to_system, 1_000_000_000)
+        self._feedback.position = sample.position
+        self._feedback.velocity = sample.velocity
+        self._joint_states.publish(self._feedback)
+
+    def _publish_change(self, change: Change, due: float) -> None:
+        late = time.monotonic() - due
+        output, happening = change.output, change.happening
+        output.publisher.publish(change.message)
+        self.lateness.happenings += 1
+        self.lateness.worst = max(self.lateness.worst, late)
+        if isinstance(change.message, Bool):
+            output.level = change.message
+        if self._debug:
+            self._logger.debug(
+                f'{output.axis}: {happening.input} {happening.value} '
+                f'at {happening.position:.9f}, published {late * 1e6:.0f} µs late'
+            )
+
+    def _step(self) -> None:
+        """Take what has arrived, and compute the world's next step."""
+        for subscription, take in self._inputs:
+            while taken := subscription.handle.take_message(subscription.msg_type, False):
+                take(taken[0])
+        start, dt = self._front, self._dt
+        before = [axis.position for axis in self._axes.values()]
+        changes = []
+        for name, axis in self._axes.items():
+            for happening in axis.step(dt):
+                value = happening.value
+                message = Bool(data=value) if isinstance(value, bool) else Float64(data=value)
+                output = self._outputs[name, happening.input]
+                changes.append(Change(happening.time, output, message, happening))
+            self._front = axis.time
+            if self._outputs[name, SERVO].tell(axis.enabled) and axis.timed_out:
+                self._logger.warning(
+                    f'{name}: no setpoint came after that of {axis.told:.6f}: '
+                    'the drive stops by itself, until its servo is switched off and on'
+                )
+        if changes:
+            self._changes.extend(sorted(changes, key=attrgetter('time')))
+        while (sampled := self._count / self._feedback_rate) <= self._front:
+            part = (sampled - start) / dt
+            moved = [a.position - b for a, b in zip(self._axes.values(), before, strict=True)]
+            position = array('d', [b + m * part for b, m in zip(before, moved, strict=True)])
+            self._samples.append(Sample(sampled, position, array('d', [m / dt for m in moved])))
+            self._count += 1
+        if self._switches:  # one at a time, so that no step takes long
+            self._switches.rotate(1)
+            self._switches[0].greet()
+        if self._count % 500 == 0:
+            self._compare_clocks()
+
+    def _take_trajectory(self, message: JointTrajectory) -> None:
+        """Follow the last point, which the homing node sends alone."""
+        if not message.points:
+            return
+        point = message.points[-1]
+        over = point.time_from_start.sec + point.time_from_start.nanosec * 1e-9
+        self._follow(message.joint_names, point.positions, over, point.velocities)
+
+    def _take_positions(self, message: Float64MultiArray) -> None:
+        self._follow(list(self._by_joint), message.data, self._setpoint_period, ())
+
+    def _follow(
+        self,
+        joints: Sequence[str],
+        positions: Sequence[float],
+        over: float,
+        velocities: Sequence[float],
+    ) -> None:
+        """Let the drives follow; without velocities they find them themselves."""
+        unknown = [joint for joint in joints if joint not in self._by_joint]
+        odd = len(joints) != len(positions) or len(velocities) not in (0, len(joints))
+        if unknown or odd or not all(map(isfinite, [*positions, *velocities])):
+            self._logger.warning(
+                f'setpoint ignored: joints {list(joints)}, positions {list(positions)}, '
+                f'velocities {list(velocities)}; the joints here are {list(self._by_joint)}',
+                throttle_duration_sec=1.0,
+            )
+            return
+        told = velocities or [None] * len(joints)
+        for joint, position, velocity in zip(joints, positions, told, strict=True):
+            self._by_joint[joint].follow(position, over, velocity)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the plant until SIGINT or SIGTERM; return the exit status."""
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: signals.append(number))
+    choose_udp(os.environ, rclpy.get_rmw_implementation_identifier())
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rclpy has no common base: bad arguments, a bad YAML file
+        print(f'simulated_axes: {error}', file=sys.stderr)
+        return 1
+    node = rclpy.create_node(
+        'simulated_axes',
+        automatically_declare_parameters_from_overrides=True,
+        start_parameter_services=False,
+        parameter_overrides=[Parameter('start_type_description_service', value=False)],
+    )
+    try:
+        parameters = node.get_parameters_by_prefix('')
+        settings = settings_from({name: p.value for name, p in parameters.items()})
+    except ValueError as error:
+        for fault in str(error).splitlines():
+            print(f'simulated_axes: {fault}', file=sys.stderr)
+        return 1
+    else:
+        plant = SimulatedAxes(node, settings)
+        gc.collect()
+        gc.freeze()  # what lives as long as the process need not be searched in every collection
+        with suppress(OSError):  # for those who may; others are held up now and then
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        plant.run(lambda: bool(signals))
+        lateness = plant.lateness
+        node.get_logger().info(
+            f'{lateness.happenings} happenings, the worst published {lateness.worst * 1e6:.0f} µs '
+            f'late; held up {lateness.hold_ups} times, {lateness.held_up:.3f} s in all'
+        )
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
