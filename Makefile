@@ -23,7 +23,7 @@ help:
 	@echo 'make venv    install everything into $(VENV) (the first time: two minutes)'
 	@echo 'make demo    home simulated axes and show what happens'
 	@echo 'make test    lint, then run all tests'
-	@echo 'make lint    ruff, and mypy --strict on all that needs no ROS'
+	@echo 'make lint    ruff (rules and format), and mypy --strict on all that needs no ROS'
 	@echo 'make test-faults   run every fault scenario, print what became of it'
 	@echo 'make fuzz    random geometries and random messages, for long (half an hour)'
 	@echo 'make bench   measure how fast it is (ten minutes); make bench-accuracy: how exact'
@@ -36,6 +36,7 @@ demo: venv
 
 lint: venv
 	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check --quiet .
 	$(VENV)/bin/mypy $(TYPED)
 
 test: lint

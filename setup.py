@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Builds homing_node, with colcon as an ament_python package or with pip alone."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs the benchmarks: python bench [--quick] [--markdown] [name ...]."""
 
 import argparse
@@ -10,8 +11,13 @@ NAMES = ('core', 'simulated', 'homing_time', 'cycle', 'reaction', 'start')
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog='bench', description='Figures beside bare counterparts.')
-    parser.add_argument('names', nargs='*', metavar='name', choices=[*NAMES, 'accuracy', []],
-                        help=f'{", ".join(NAMES)} (these are run by default) or accuracy')
+    parser.add_argument(
+        'names',
+        nargs='*',
+        metavar='name',
+        choices=[*NAMES, 'accuracy', []],
+        help=f'{", ".join(NAMES)} (these are run by default) or accuracy',
+    )
     parser.add_argument('--quick', action='store_true', help='only show that it works')
     parser.add_argument('--markdown', action='store_true', help='for doc/performance.md')
     arguments = parser.parse_args()

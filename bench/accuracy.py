@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Accuracy: error of home against the true edge, and what is said of it.
 
 An axis crosses its home switch at constant velocity while messages are late; the counterpart is
@@ -59,23 +60,44 @@ class Counting(Rehearsal):
 
 
 def home(
-    random: random.Random, speed: float, transport: Transport, home_type: str = 'HS',
-    run_up: float = 0.0, lag: float = 0.0, resolution: float = 0.0,
+    random: random.Random,
+    speed: float,
+    transport: Transport,
+    home_type: str = 'HS',
+    run_up: float = 0.0,
+    lag: float = 0.0,
+    resolution: float = 0.0,
 ) -> Found:
     """Home once onto a switch whose edge lies anywhere; ``run_up`` in m, 0: enough."""
     edge = EDGE + random.uniform(-1e-3, 1e-3)
     enough = speed**2 / 5.0 + speed * (0.03 + lag * 10.0 + random.uniform(0.0, 0.05))
-    layout = AxisLayout((0.0, 0.4), {'home_switch': SwitchLayout(edge, edge + FLAG)}, lag=lag,
-                        start=edge - (run_up or enough))
+    layout = AxisLayout(
+        (0.0, 0.4),
+        {'home_switch': SwitchLayout(edge, edge + FLAG)},
+        lag=lag,
+        start=edge - (run_up or enough),
+    )
     accelerations = {
-        f'{pace}_{kind}': 5.0 for kind in ('acc', 'dec')
-        for pace in ('homing_velocity_fast', 'homing_velocity_slow', 'home_shift')}
-    parameters = axis_parameters({
-        'home_type': home_type, 'travel': 0.4, 'switches': ['home_switch'], 'max_jerk': 500.0,
-        'homing_velocity_fast': speed, 'homing_velocity_slow': speed,
-        'home_shift_velocity': 0.2, 'following_error': 0.05, 'edge_tolerance': 0.01,
-        'wrong_direction_distance': 0.01, 'switch_stamp_error': transport.stamp_error,
-        **accelerations})
+        f'{pace}_{kind}': 5.0
+        for kind in ('acc', 'dec')
+        for pace in ('homing_velocity_fast', 'homing_velocity_slow', 'home_shift')
+    }
+    parameters = axis_parameters(
+        {
+            'home_type': home_type,
+            'travel': 0.4,
+            'switches': ['home_switch'],
+            'max_jerk': 500.0,
+            'homing_velocity_fast': speed,
+            'homing_velocity_slow': speed,
+            'home_shift_velocity': 0.2,
+            'following_error': 0.05,
+            'edge_tolerance': 0.01,
+            'wrong_direction_distance': 0.01,
+            'switch_stamp_error': transport.stamp_error,
+            **accelerations,
+        }
+    )
     rehearsal = Counting(parameters, layout, transport)
     rehearsal.resolution = resolution
     outcome = rehearsal.home().outcome
@@ -88,10 +110,15 @@ def crossings(runs: int) -> dict[tuple[float, str, float], list[float]]:
     chance = random.Random(1)
     return {
         (speed, name, rate): [
-            home(chance, speed, Transport(
-                feedback_rate=rate, seed=chance.getrandbits(30), **delay)).error
-            for _ in range(runs)]
-        for speed in SPEEDS for name, delay in DELAYS.items() for rate in RATES}
+            home(
+                chance, speed, Transport(feedback_rate=rate, seed=chance.getrandbits(30), **delay)
+            ).error
+            for _ in range(runs)
+        ]
+        for speed in SPEEDS
+        for name, delay in DELAYS.items()
+        for rate in RATES
+    }
 
 
 def random_runs(runs: int) -> list[Found]:
@@ -106,13 +133,23 @@ def random_runs(runs: int) -> list[Found]:
         run_up = 0.0 if chance.random() < 0.5 else chance.uniform(0.05, 1.0) * speed**2 / 5.0
         transport = Transport(
             feedback_rate=chance.choice((100.0, 250.0, 500.0, 1000.0)),
-            feedback_delay=chance.uniform(0.0, 0.02), switch_delay=chance.uniform(0.0, 0.02),
-            jitter=chance.choice((0.0, 0.005, 0.02)), seed=chance.getrandbits(30),
-            stamp_error=chance.choice((1e-5, 1e-4, 1e-3)))
-        found.append(home(
-            chance, speed, transport, chance.choice(('HS', 'HSHS')), run_up,
-            lag=chance.choice((0.0, chance.uniform(0.0, 0.02))),
-            resolution=chance.choice((0.0, 10 ** chance.uniform(-8.0, -5.0)))))
+            feedback_delay=chance.uniform(0.0, 0.02),
+            switch_delay=chance.uniform(0.0, 0.02),
+            jitter=chance.choice((0.0, 0.005, 0.02)),
+            seed=chance.getrandbits(30),
+            stamp_error=chance.choice((1e-5, 1e-4, 1e-3)),
+        )
+        found.append(
+            home(
+                chance,
+                speed,
+                transport,
+                chance.choice(('HS', 'HSHS')),
+                run_up,
+                lag=chance.choice((0.0, chance.uniform(0.0, 0.02))),
+                resolution=chance.choice((0.0, 10 ** chance.uniform(-8.0, -5.0))),
+            )
+        )
     return found
 
 
@@ -128,12 +165,22 @@ def figures(quick: bool = False) -> Iterator[Figure]:
         for name in DELAYS:
             found = errors[speed, name, 500.0]
             worst = max(found)
-            yield Figure(f'{speed * 1e3:g} mm/s, {name}, 500 Hz, against LinuxCNC', 'µm', found,
-                         linuxcnc(speed, len(found)), f'all ≤ {most:g} µm', worst <= most)
+            yield Figure(
+                f'{speed * 1e3:g} mm/s, {name}, 500 Hz, against LinuxCNC',
+                'µm',
+                found,
+                linuxcnc(speed, len(found)),
+                f'all ≤ {most:g} µm',
+                worst <= most,
+            )
     for speed in SPEEDS:
         found = [error for key, each in errors.items() if key[0] == speed for error in each]
-        yield Figure(f'{speed * 1e3:g} mm/s, the worst of all delays and rates', 'µm',
-                     [max(found)], [speed * LINUXCNC_CYCLE * MICRO])
+        yield Figure(
+            f'{speed * 1e3:g} mm/s, the worst of all delays and rates',
+            'µm',
+            [max(found)],
+            [speed * LINUXCNC_CYCLE * MICRO],
+        )
     yield from _of_uncertainty(random_runs(20 if quick else 1000))
     if not quick:
         draw(errors)
@@ -143,14 +190,18 @@ def _of_uncertainty(found: Sequence[Found]) -> Iterator[Figure]:
     covered = 100.0 * sum(one.error <= one.uncertainty + NOTHING for one in found) / len(found)
     yield Figure(f'{len(found)} random runs: error', 'µm', [one.error for one in found])
     yield Figure('reported uncertainty', 'µm', [one.uncertainty for one in found])
-    yield Figure('errors that the uncertainty covers', '%', [covered], (), '≥ 99 %',
-                 covered >= 99.0)
+    yield Figure(
+        'errors that the uncertainty covers', '%', [covered], (), '≥ 99 %', covered >= 99.0
+    )
     ratios = [one.uncertainty / max(one.error, NOTHING) for one in found]
     middle = median(ratios)
     yield Figure('uncertainty / error, median', '', [middle], (), '≤ 5', middle <= 5.0)
     some = [one for one in found if one.error > 0.01]
-    yield Figure(f'the same of the {len(some)} runs with an error above 0.01 µm', '',
-                 [median(one.uncertainty / one.error for one in some)] if some else [])
+    yield Figure(
+        f'the same of the {len(some)} runs with an error above 0.01 µm',
+        '',
+        [median(one.uncertainty / one.error for one in some)] if some else [],
+    )
     worst = [one.error / max(one.uncertainty, NOTHING) for one in found]
     yield Figure('error / uncertainty, p99', '', [nth(worst, 0.99)])
 
@@ -164,12 +215,31 @@ def draw(errors: Mapping[tuple[float, str, float], Sequence[float]]) -> None:
     for panel, name in zip(panels.flat, DELAYS, strict=True):
         for rate, colour in RATES.items():
             worst = [max(max(errors[speed, name, rate]), NOTHING) for speed in SPEEDS]
-            panel.loglog(speeds, worst, 'o-', markersize=3, linewidth=1.2, color=colour,
-                         label=f'feedback at {rate:g} Hz')
-        panel.loglog(speeds, [speed * LINUXCNC_CYCLE * MICRO for speed in SPEEDS], '--',
-                     color=INK, linewidth=1, label='LinuxCNC: v · 1 ms')
-        panel.plot([speed * 1e3 for speed in GOALS], list(GOALS.values()), 'v', color=INK,
-                   markersize=5, label='goal')
+            panel.loglog(
+                speeds,
+                worst,
+                'o-',
+                markersize=3,
+                linewidth=1.2,
+                color=colour,
+                label=f'feedback at {rate:g} Hz',
+            )
+        panel.loglog(
+            speeds,
+            [speed * LINUXCNC_CYCLE * MICRO for speed in SPEEDS],
+            '--',
+            color=INK,
+            linewidth=1,
+            label='LinuxCNC: v · 1 ms',
+        )
+        panel.plot(
+            [speed * 1e3 for speed in GOALS],
+            list(GOALS.values()),
+            'v',
+            color=INK,
+            markersize=5,
+            label='goal',
+        )
         panel.set_title(f'messages: {name}', fontsize=9)
         panel.grid(True, which='major', linewidth=0.4)
         panel.tick_params(labelsize=8)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Publishes setpoints on a grid, from a thread of its own, in the shortest way that rclpy has.
 
 With --inputs it also takes the messages that the homing node takes.
@@ -26,8 +27,11 @@ def cycle(axes: int, rate: float, inputs: bool, ended: threading.Event, grid: Gr
     if inputs:
         qos = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         wired = ('home_switch', 'positive_limit_switch', 'negative_limit_switch')
-        subscriptions = [node.create_subscription(Bool, f'~/{name}/{switch}', print, 100)
-                         for name in names for switch in wired]
+        subscriptions = [
+            node.create_subscription(Bool, f'~/{name}/{switch}', print, 100)
+            for name in names
+            for switch in wired
+        ]
         subscriptions.append(node.create_subscription(JointState, 'joint_states', print, qos))
     period = 1.0 / rate
     step = Duration(nanosec=round(period * 1e9))
@@ -40,9 +44,19 @@ def cycle(axes: int, rate: float, inputs: bool, ended: threading.Event, grid: Gr
             while subscription.handle.take_message(subscription.msg_type, False) is not None:
                 pass
         position += 0.05 * period
-        publisher.publish(JointTrajectory(joint_names=names, points=[JointTrajectoryPoint(
-            positions=[position] * axes, velocities=[0.05] * axes, accelerations=[0.0] * axes,
-            time_from_start=step)]))
+        publisher.publish(
+            JointTrajectory(
+                joint_names=names,
+                points=[
+                    JointTrajectoryPoint(
+                        positions=[position] * axes,
+                        velocities=[0.05] * axes,
+                        accelerations=[0.0] * axes,
+                        time_from_start=step,
+                    )
+                ],
+            )
+        )
 
 
 def main() -> None:
@@ -55,8 +69,9 @@ def main() -> None:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     ended, grid = threading.Event(), Grid()
     signal.signal(signal.SIGINT, lambda *_: ended.set())
-    thread = threading.Thread(target=cycle, args=(
-        arguments.axes, arguments.rate, arguments.inputs, ended, grid))
+    thread = threading.Thread(
+        target=cycle, args=(arguments.axes, arguments.rate, arguments.inputs, ended, grid)
+    )
     thread.start()
     while not ended.wait(0.1):
         pass

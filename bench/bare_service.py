@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Offers one service."""
 
 from contextlib import suppress

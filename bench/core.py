@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Update of one axis in a search."""
 
 from collections.abc import Callable, Iterator, Mapping
@@ -13,8 +14,13 @@ from homing_node.procedures.states import Input
 PERIOD = 0.004
 #: An axis that searches for as long as a benchmark likes; its feedback may stand still.
 ENDLESS = {
-    'home_type': 'HSHS', 'travel': 1e6, 'homing_velocity_fast': 0.05, 'following_error': 1e6,
-    'timeout': 1e9, 'feedback_timeout': 1e9, 'max_jerk': 100.0,
+    'home_type': 'HSHS',
+    'travel': 1e6,
+    'homing_velocity_fast': 0.05,
+    'following_error': 1e6,
+    'timeout': 1e9,
+    'feedback_timeout': 1e9,
+    'max_jerk': 100.0,
 }
 
 
@@ -88,14 +94,23 @@ def figures(quick: bool = False) -> Iterator[Figure]:
 
     both, ramp, fed, updated, alone, reading = alternately(
         repeats,
-        lambda: per_cycle(feed_and_update), lambda: per_cycle(feed_and_update, ACCELERATING),
-        lambda: per_cycle(feed), lambda: per_cycle(update),
+        lambda: per_cycle(feed_and_update),
+        lambda: per_cycle(feed_and_update, ACCELERATING),
+        lambda: per_cycle(feed),
+        lambda: per_cycle(update),
         lambda: seconds(lambda: bare(cycles)) / cycles * 1e6,
-        lambda: seconds(lambda: bare(cycles, read=True)) / cycles * 1e6)
-    yield within('a sample of feedback and Axis.update, against ruckig.update + pass_to_input',
-                 'µs', both, alone, 15)
+        lambda: seconds(lambda: bare(cycles, read=True)) / cycles * 1e6,
+    )
+    yield within(
+        'a sample of feedback and Axis.update, against ruckig.update + pass_to_input',
+        'µs',
+        both,
+        alone,
+        15,
+    )
     yield within('the same while the axis accelerates', 'µs', ramp, alone, 15)
     yield within('Axis.update alone', 'µs', updated, alone, 15)
     yield Figure('Axis.feedback alone', 'µs', fed, alone)
-    yield Figure('both, against ruckig with position, velocity and acceleration read', 'µs',
-                 both, reading)
+    yield Figure(
+        'both, against ruckig with position, velocity and acceleration read', 'µs', both, reading
+    )

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cycle of the node while all its axes home: processor time and lateness.
 
 The counterpart is an rclpy loop in a thread of its own that publishes the same message, and, where
@@ -20,8 +21,9 @@ from graph import World, cpu_seconds
 from grid import load
 
 #: Rates of the cycle and of the feedback, Hz, and numbers of axes.
-CASES = tuple((rate, fed, axes) for rate, fed in ((250.0, 500.0), (1000.0, 1000.0))
-              for axes in (1, 8, 32))
+CASES = tuple(
+    (rate, fed, axes) for rate, fed in ((250.0, 500.0), (1000.0, 1000.0)) for axes in (1, 8, 32)
+)
 NODE, BARE, TAKING = 'homing_node', 'bare', 'bare that takes the inputs'
 WARM_UP = 1.0  # s
 
@@ -41,8 +43,13 @@ def running(world: World, what: str, rate: float) -> AbstractContextManager[Any]
     grid = grid_of(world)
     if what == NODE:
         return world.homing_node(rate, grid)
-    return world.running('bare_cycle.py', f'--axes={len(world.names)}', f'--rate={rate}',
-                         f'--grid={grid}', *(['--inputs'] if what == TAKING else []))
+    return world.running(
+        'bare_cycle.py',
+        f'--axes={len(world.names)}',
+        f'--rate={rate}',
+        f'--grid={grid}',
+        *(['--inputs'] if what == TAKING else []),
+    )
 
 
 def grid_of(world: World) -> Path:
@@ -70,8 +77,9 @@ def lateness(what: str, rate: float, fed: float, axes: int, duration: float) -> 
     due = load(grid_of(world))
     late = [(one.sent - due[one.number]) * 1e6 for one in heard]
     left_out = rate * (heard[-1].sent - heard[0].sent) - (heard[-1].number - heard[0].number)
-    return Lateness(nth(late, 0.01), nth(late, 0.5), nth(late, 0.99), max(late),
-                    max(0.0, left_out))
+    return Lateness(
+        nth(late, 0.01), nth(late, 0.5), nth(late, 0.99), max(late), max(0.0, left_out)
+    )
 
 
 def processor(
@@ -93,8 +101,10 @@ def processor(
             used.append([cpu_seconds(child.pid) for _, child in pairs])
             for world, _ in pairs:
                 world.heard()
-    return [[100.0 * (after - before) / duration for before, after in pairwise(one)]
-            for one in zip(*used, strict=True)]
+    return [
+        [100.0 * (after - before) / duration for before, after in pairwise(one)]
+        for one in zip(*used, strict=True)
+    ]
 
 
 def figures(quick: bool = False) -> Iterator[Figure]:
@@ -108,14 +118,22 @@ def figures(quick: bool = False) -> Iterator[Figure]:
         yield Figure(f'{case}: processor, bare takes the inputs too', '% of a core', node, taking)
 
         ours, theirs = alternately(
-            repeats, *(partial(lateness, what, rate, fed, axes, duration)
-                       for what in (NODE, BARE)), warm_up=False)
+            repeats,
+            *(partial(lateness, what, rate, fed, axes, duration) for what in (NODE, BARE)),
+            warm_up=False,
+        )
 
         for name in 'p1', 'p50', 'p99', 'max':
             what, of = f'{case}: lateness {name}', attrgetter(name)
             late, bare_late = [*map(of, ours)], [*map(of, theirs)]
-            yield (within(what, 'µs', late, bare_late, 1.2) if name == 'p99'
-                   else Figure(what, 'µs', late, bare_late))
-        yield Figure(f'{case}: cycles left out', f'of {rate * duration:g}',
-                     [round(one.left_out) for one in ours],
-                     [round(one.left_out) for one in theirs])
+            yield (
+                within(what, 'µs', late, bare_late, 1.2)
+                if name == 'p99'
+                else Figure(what, 'µs', late, bare_late)
+            )
+        yield Figure(
+            f'{case}: cycles left out',
+            f'of {rate * duration:g}',
+            [round(one.left_out) for one in ours],
+            [round(one.left_out) for one in theirs],
+        )

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One figure beside its bare counterpart: what every benchmark yields, and how it is shown."""
 
 import os
@@ -36,8 +37,15 @@ class Figure(NamedTuple):
     @property
     def cells(self) -> tuple[str, ...]:
         met = '' if self.met is None else 'met' if self.met else 'missed'
-        return (self.what, self.unit, spread(self.ours), spread(self.bare), spread(self.ratios),
-                self.goal, met)
+        return (
+            self.what,
+            self.unit,
+            spread(self.ours),
+            spread(self.bare),
+            spread(self.ratios),
+            self.goal,
+            met,
+        )
 
 
 def within(
@@ -84,12 +92,19 @@ def alternately(
 
 def machine() -> str:
     """Name the machine and what runs on it."""
-    cpu = next((line.split(':')[1].strip() for line in
-                Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
-                if line.startswith('model name')), platform.machine())
+    cpu = next(
+        (
+            line.split(':')[1].strip()
+            for line in Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+            if line.startswith('model name')
+        ),
+        platform.machine(),
+    )
     load = ' '.join(f'{one:.1f}' for one in os.getloadavg())
-    return (f'{cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}, '
-            f'CPython {platform.python_version()}, ruckig {version("ruckig")}; load {load}')
+    return (
+        f'{cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}, '
+        f'CPython {platform.python_version()}, ruckig {version("ruckig")}; load {load}'
+    )
 
 
 def show(title: str, figures: Sequence[Figure], markdown: bool = False) -> None:

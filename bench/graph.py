@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A ROS graph for benchmarks: a process under test, and what feeds and watches it at little cost.
 
 The axes search for as long as a benchmark likes: their travel is endless, their feedback stands.
@@ -54,8 +55,14 @@ def parameters(axes: int, rate: float) -> str:
     """Return the parameters of a node with axes that search without end, as YAML."""
     names = [f'a{i}' for i in range(axes)]
     own = {**ENDLESS, 'feedback_timeout': 5.0}
-    lines = ['/**:', '  ros__parameters:', f'    axes: {names}', f'    update_rate: {rate}',
-             f'    home_sequence: ["{", ".join(names)}"]', '    cycle_timeout: 5.0']
+    lines = [
+        '/**:',
+        '  ros__parameters:',
+        f'    axes: {names}',
+        f'    update_rate: {rate}',
+        f'    home_sequence: ["{", ".join(names)}"]',
+        '    cycle_timeout: 5.0',
+    ]
     for name in names:
         lines.append(f'    {name}:')
         lines += [f'      {key}: {value}' for key, value in own.items()]
@@ -82,19 +89,24 @@ class World:
         self.domain, self._lock = free_domain()
         self.context = Context()
         rclpy.init(context=self.context, domain_id=self.domain)
-        self.node = rclpy.create_node('world', context=self.context, enable_rosout=False,
-                                      start_parameter_services=False)
+        self.node = rclpy.create_node(
+            'world', context=self.context, enable_rosout=False, start_parameter_services=False
+        )
         # What is polled belongs to a node that no executor spins.
-        self._listener = rclpy.create_node('listener', context=self.context, enable_rosout=False,
-                                           start_parameter_services=False)
+        self._listener = rclpy.create_node(
+            'listener', context=self.context, enable_rosout=False, start_parameter_services=False
+        )
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._raw = raw
         self._setpoints = self._listener.create_subscription(
-            JointTrajectory, f'{NODE}/setpoints', print, 5000, raw=raw)
+            JointTrajectory, f'{NODE}/setpoints', print, 5000, raw=raw
+        )
         self.switches = {
             (name, switch): self.node.create_publisher(Bool, f'{NODE}/{name}/{switch}', 10)
-            for name in self.names for switch in SWITCHES}
+            for name in self.names
+            for switch in SWITCHES
+        }
         self._clients: dict[str, Any] = {}
         self._child: subprocess.Popen[bytes] | None = None
         self._ended = threading.Event()
@@ -129,16 +141,23 @@ class World:
     @contextmanager
     def running(self, script: str, *arguments: str) -> Iterator['subprocess.Popen[bytes]']:
         """Run a script, of this folder or anywhere, as the process under test."""
-        environment = {**os.environ, 'ROS_DOMAIN_ID': str(self.domain),
-                       'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-                       'ROS_LOG_DIR': str(self.folder / 'log')}
+        environment = {
+            **os.environ,
+            'ROS_DOMAIN_ID': str(self.domain),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'ROS_LOG_DIR': str(self.folder / 'log'),
+        }
         for ours in 'ROS_PYTHON_CHECK_FIELDS', 'FASTRTPS_DEFAULT_PROFILES_FILE':
             environment.pop(ours, None)
         log = self.folder / 'output'
         with log.open('w') as output:
             self._child = child = subprocess.Popen(
-                [sys.executable, str(HERE / script), *arguments], env=environment,
-                stdin=subprocess.DEVNULL, stdout=output, stderr=output)
+                [sys.executable, str(HERE / script), *arguments],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+            )
         try:
             yield child
         except BaseException:
@@ -209,8 +228,13 @@ class World:
         handle = self._setpoints.handle
         while (taken := handle.take_message(JointTrajectory, self._raw)) is not None:
             message, info = taken
-            found.append(Heard(message, info['publication_sequence_number'] - 1,
-                               info['source_timestamp'] * 1e-9))
+            found.append(
+                Heard(
+                    message,
+                    info['publication_sequence_number'] - 1,
+                    info['source_timestamp'] * 1e-9,
+                )
+            )
         return found
 
     def listen(self, duration: float) -> list[Heard]:

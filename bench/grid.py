@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Remembers when the cycle of each published message was due, so that lateness can be told."""
 
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How long homing takes, in simulated time.
 
 The switch is on from 100 to 110 mm, index pulses every 10 mm at 3.7 mm; fast 50, slow 5 mm/s,
@@ -24,9 +25,14 @@ from homing_node.rehearsal.run import Rehearsal, Transport
 FAST, SLOW, ACCELERATION, JERK = 0.05, 0.005, 1.0, 100.0
 LAYOUT = AxisLayout(
     (-0.05, 0.205),
-    {'home_switch': SwitchLayout(0.1, 0.11), 'positive_limit_switch': SwitchLayout(0.195, 0.3),
-     'negative_limit_switch': SwitchLayout(-0.1, -0.04)},
-    index_pitch=0.01, index_offset=0.0037)
+    {
+        'home_switch': SwitchLayout(0.1, 0.11),
+        'positive_limit_switch': SwitchLayout(0.195, 0.3),
+        'negative_limit_switch': SwitchLayout(-0.1, -0.04),
+    },
+    index_pitch=0.01,
+    index_offset=0.0037,
+)
 
 
 class Scenario(NamedTuple):
@@ -52,20 +58,33 @@ STARTS = 16
 def parameters(home_type: str, **more: object) -> AxisParameters:
     """Return the parameters of an axis that homes on this layout."""
     accelerations = {
-        f'{pace}_{kind}': ACCELERATION for kind in ('acc', 'dec')
-        for pace in ('homing_velocity_fast', 'homing_velocity_slow', 'home_shift')}
+        f'{pace}_{kind}': ACCELERATION
+        for kind in ('acc', 'dec')
+        for pace in ('homing_velocity_fast', 'homing_velocity_slow', 'home_shift')
+    }
     wired = [*LAYOUT.switches, 'z_pulse']
-    return axis_parameters({
-        'home_type': home_type, 'travel': 0.2, 'homing_velocity_fast': FAST,
-        'homing_velocity_slow': SLOW, 'max_jerk': JERK, 'switches': wired,
-        **accelerations, **more})
+    return axis_parameters(
+        {
+            'home_type': home_type,
+            'travel': 0.2,
+            'homing_velocity_fast': FAST,
+            'homing_velocity_slow': SLOW,
+            'max_jerk': JERK,
+            'switches': wired,
+            **accelerations,
+            **more,
+        }
+    )
 
 
 def home(scenario: Scenario, rate: float) -> tuple[Course, list[object]]:
     """Run a scenario; return its course and the row of the table of each sample."""
     rehearsal = Rehearsal(
-        parameters(scenario.home_type), LAYOUT,
-        Transport(update_rate=rate, feedback_rate=RATES[rate]), scenario.start)
+        parameters(scenario.home_type),
+        LAYOUT,
+        Transport(update_rate=rate, feedback_rate=RATES[rate]),
+        scenario.start,
+    )
     rehearsal.cycle()
     refusal = rehearsal.axis.home(rehearsal.time)
     assert refusal is None, refusal
@@ -115,8 +134,9 @@ def optimal_leg(start: Sample, end: Sample) -> float:
         given.target_acceleration = [0.0]
         Ruckig(1).calculate(given, trajectory)
         braking = trajectory.duration
-        (given.current_position, given.current_velocity,
-         given.current_acceleration) = trajectory.at_time(braking)
+        (given.current_position, given.current_velocity, given.current_acceleration) = (
+            trajectory.at_time(braking)
+        )
         given.control_interface = ControlInterface.Position
         given.target_velocity = [end.velocity]
         given.target_acceleration = [end.acceleration]
@@ -137,22 +157,34 @@ def measure(scenario: Scenario, rate: float) -> Duration:
     course, rows = home(scenario, rate)
     count = settled(course.samples)
     samples = course.samples[:count]
-    return Duration(samples[-1].time - samples[0].time, optimum(samples, rows[:count]),
-                    course.duration)
+    return Duration(
+        samples[-1].time - samples[0].time, optimum(samples, rows[:count]), course.duration
+    )
 
 
 def figures(quick: bool = False) -> Iterator[Figure]:
     """Yield the duration of each scenario."""
     for scenario in SCENARIOS[:1] if quick else SCENARIOS:
         for rate in RATES:
-            starts = [scenario.start + ((i + 0.5) / STARTS - 0.5) * FAST / rate
-                      for i in range(STARTS)]
+            starts = [
+                scenario.start + ((i + 0.5) / STARTS - 0.5) * FAST / rate for i in range(STARTS)
+            ]
             runs = [measure(scenario._replace(start=start), rate) for start in starts]
             name = f'{scenario.name}: {scenario.home_type}, {rate:g} Hz'
-            yield within(f'{name}, until the command rests, against its optimal legs', 's',
-                         [run.moving for run in runs], [run.best for run in runs], 1.01)
+            yield within(
+                f'{name}, until the command rests, against its optimal legs',
+                's',
+                [run.moving for run in runs],
+                [run.best for run in runs],
+                1.01,
+            )
             whole = [run.whole for run in runs]
             goal = ('A ≤ 2.58', median(whole) <= 2.58) if scenario.name == 'A' else ('', None)
             bare = [scenario.linuxcnc] * STARTS if scenario.linuxcnc else []
-            yield Figure(f'{name}, until homed' + (', against LinuxCNC' if bare else ''), 's',
-                         whole, bare, *goal)
+            yield Figure(
+                f'{name}, until homed' + (', against LinuxCNC' if bare else ''),
+                's',
+                whole,
+                bare,
+                *goal,
+            )

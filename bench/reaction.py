@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reaction: a switch is published → the first setpoint that decelerates.
 
 Both times are time stamps: before the switch is published, and the middleware's of the setpoint.
@@ -83,7 +84,8 @@ def figures(quick: bool = False) -> list[Figure]:
     ours, bare = of_node(trials), of_bare(trials)
     more, period = median(ours) - median(bare), 1e3 / RATE
     return [
-        Figure(f'reaction at {RATE:g} Hz', 'ms', ours, bare,
-               f'≤ {period:g} ms more', more <= period),
+        Figure(
+            f'reaction at {RATE:g} Hz', 'ms', ours, bare, f'≤ {period:g} ms more', more <= period
+        ),
         Figure('p99', 'ms', [nth(ours, 0.99)], [nth(bare, 0.99)]),
     ]

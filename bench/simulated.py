@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Simulated runs against real time."""
 
 from collections.abc import Iterator
@@ -47,7 +48,13 @@ def figures(quick: bool = False) -> Iterator[Figure]:
     """Yield how many seconds are simulated in one."""
     for rate in (1000.0, 250.0):
         ours, alone = alternately(
-            2 if quick else 15, partial(run, rate), partial(bare, rate, 0.2 if quick else 2.5))
+            2 if quick else 15, partial(run, rate), partial(bare, rate, 0.2 if quick else 2.5)
+        )
         wanted = (f'≥ {GOAL:g}', median(ours) >= GOAL) if rate == 1000.0 else ('', None)
-        yield Figure(f'core and plant (1 kHz), cycle of {rate:g} Hz, against ruckig and plant',
-                     's per s', ours, alone, *wanted)
+        yield Figure(
+            f'core and plant (1 kHz), cycle of {rate:g} Hz, against ruckig and plant',
+            's per s',
+            ours,
+            alone,
+            *wanted,
+        )

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Start of the node: from its process's start to its first answer.
 
 The counterpart is an rclpy node with one service. The package is compiled to bytecode first, as
@@ -44,8 +45,7 @@ def ask(what: str) -> float:
     """Start a process, bare or with a number of axes; return when it gave its first answer, s."""
     world = World(1 if what == BARE else int(what), 0.0)
     try:
-        running = (world.running('bare_service.py') if what == BARE
-                   else world.homing_node(250.0))
+        running = world.running('bare_service.py') if what == BARE else world.homing_node(250.0)
         begin = time.perf_counter()
         with running:
             await_answer(world)
@@ -57,8 +57,9 @@ def ask(what: str) -> float:
 def start(what: str) -> float:
     """Let a process of its own ask."""
     environment = {**os.environ, 'FASTRTPS_DEFAULT_PROFILES_FILE': str(HERE / 'eager.xml')}
-    asked = subprocess.run([sys.executable, __file__, what], env=environment, check=True,
-                           stdout=subprocess.PIPE)
+    asked = subprocess.run(
+        [sys.executable, __file__, what], env=environment, check=True, stdout=subprocess.PIPE
+    )
     return float(asked.stdout)
 
 
@@ -67,8 +68,8 @@ def figures(quick: bool = False) -> Iterator[Figure]:
     compileall.compile_dir(Path(homing_node.__file__).parent, quiet=1)
     repeats = 1 if quick else 20
     three, many, bare = alternately(
-        repeats, partial(start, '3'), partial(start, '32'), partial(start, BARE),
-        warm_up=not quick)
+        repeats, partial(start, '3'), partial(start, '32'), partial(start, BARE), warm_up=not quick
+    )
     yield within('3 axes', 's', three, bare, 1.5)
     yield Figure('32 axes', 's', many, bare)
 

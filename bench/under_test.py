@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs the homing node; saves when the cycles that published setpoints were due.
 
 under_test.py FILE --ros-args ...

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Home axes from a Python script, without writing a node.
 
     from homing_node.client import HomingClient
@@ -75,8 +76,12 @@ class HomingClient:
         self.patience = patience
         self._context = Context()
         rclpy.init(context=self._context)
-        self.node = Node(f'homing_client_{os.getpid()}', context=self._context,
-                         enable_rosout=False, start_parameter_services=False)
+        self.node = Node(
+            f'homing_client_{os.getpid()}',
+            context=self._context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._clients: dict[str, Any] = {}
@@ -108,8 +113,9 @@ class HomingClient:
         ``on_feedback`` is called at 10 Hz, in the client's thread. KeyboardInterrupt and a
         timeout stop the axes before they leave this call.
         """
-        client = self._client('home (action)', lambda: ActionClient(
-            self.node, Home, f'{self.node_name}/home'))
+        client = self._client(
+            'home (action)', lambda: ActionClient(self.node, Home, f'{self.node_name}/home')
+        )
         if not client.wait_for_server(self.discovery):
             raise TimeoutError(f'no action {self.node_name}/home within {self.discovery:g} s')
 
@@ -152,8 +158,9 @@ class HomingClient:
 
     def set_parameters(self, axis: str, **values: Any) -> Answer:
         """Set some parameters of an axis together; they hold from its next run on."""
-        client = self._client('parameters', lambda: AsyncParameterClient(
-            self.node, self.node_name))
+        client = self._client(
+            'parameters', lambda: AsyncParameterClient(self.node, self.node_name)
+        )
         if not client.wait_for_services(self.discovery):
             raise TimeoutError(f'no node {self.node_name} within {self.discovery:g} s')
         parameters = [Parameter(f'{axis}.{name}', value=value) for name, value in values.items()]
@@ -166,14 +173,17 @@ class HomingClient:
             new = axis not in self._clients
             if new:
                 self._clients[axis] = self.node.create_subscription(
-                    AxisState, f'{self.node_name}/{axis}/state',
-                    partial(self._take_state, axis), LATCHED)
+                    AxisState,
+                    f'{self.node_name}/{axis}/state',
+                    partial(self._take_state, axis),
+                    LATCHED,
+                )
             if not self._changed.wait_for(lambda: axis in self._states, self.discovery):
-                raise TimeoutError(f'no {self.node_name}/{axis}/state '
-                                   f'within {self.discovery:g} s')
+                raise TimeoutError(f'no {self.node_name}/{axis}/state within {self.discovery:g} s')
             state = self._states[axis]
             while new and self._changed.wait_for(
-                    lambda known=state: self._states[axis] is not known, APART):
+                lambda known=state: self._states[axis] is not known, APART
+            ):
                 state = self._states[axis]
             return state
 
@@ -214,9 +224,7 @@ class HomingClient:
         name = f'{axis}/{verb}' if axis else verb
         return self._call(Trigger, name, Trigger.Request(), timeout)
 
-    def _call(
-        self, kind: Any, name: str, request: Any, timeout: float | None = None
-    ) -> Answer:
+    def _call(self, kind: Any, name: str, request: Any, timeout: float | None = None) -> Answer:
         full = f'{self.node_name}/{name}'
         client = self._client(full, lambda: self.node.create_client(kind, full))
         if not client.wait_for_service(self.discovery):
@@ -260,15 +268,20 @@ class Recorder:
 
         self._subscriptions = [
             node.create_subscription(
-                JointTrajectory, f'{name}/setpoints', self._take_setpoint, 100),
-            node.create_subscription(
-                JointState, 'joint_states', self._take_feedback, BEST_EFFORT),
+                JointTrajectory, f'{name}/setpoints', self._take_setpoint, 100
+            ),
+            node.create_subscription(JointState, 'joint_states', self._take_feedback, BEST_EFFORT),
         ]
         for source in Input:
             if source is not Input.SERVO_ENABLED:
-                self._subscriptions.append(node.create_subscription(
-                    Float64 if source in LATCHES else Bool, f'{name}/{axis}/{source}',
-                    self._input_taker(source), 100))
+                self._subscriptions.append(
+                    node.create_subscription(
+                        Float64 if source in LATCHES else Bool,
+                        f'{name}/{axis}/{source}',
+                        self._input_taker(source),
+                        100,
+                    )
+                )
 
     def close(self) -> None:
         """Stop recording."""
@@ -284,9 +297,16 @@ class Recorder:
         index, point = message.joint_names.index(self._joint), message.points[0]
         state = self._client.state(self._axis).state
         if state != State.Idle:
-            self.course.samples.append(Sample(
-                self._time(info), state, point.positions[index], point.velocities[index],
-                point.accelerations[index], self._feedback))
+            self.course.samples.append(
+                Sample(
+                    self._time(info),
+                    state,
+                    point.positions[index],
+                    point.velocities[index],
+                    point.accelerations[index],
+                    self._feedback,
+                )
+            )
 
     def _take_feedback(self, message: JointState) -> None:
         if self._joint in message.name:
@@ -300,7 +320,10 @@ class Recorder:
                 before, self._levels[source] = self._levels.get(source, value), value
                 if before == value:
                     return
-            self.course.happenings.append(Happening(
-                self._time(info), str(source), value, value if latched else self._feedback))
+            self.course.happenings.append(
+                Happening(
+                    self._time(info), str(source), value, value if latched else self._feedback
+                )
+            )
 
         return take

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The record of one run: what the axis did in each cycle, and what its inputs did.
 
 A rehearsal makes one, and so does a client that listens to a running node. Times in s, positions

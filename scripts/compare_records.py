@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compare the records of a few hundred rehearsed runs between two checkouts, bit by bit.
 
     python scripts/compare_records.py OLD NEW
@@ -27,7 +28,8 @@ for home_type in TYPES:
                 course = rig(home_type).but(**changes).home(direction, start)
                 text = repr(([tuple(s) for s in course.samples],
                              [tuple(h) for h in course.happenings],
-                             [(tuple(map(str, step)), str(event)) for step, event in course.arrows],
+                             [(tuple(map(str, step)), str(event))
+                              for step, event in course.arrows],
                              tuple(course.outcome)[:5]))
                 digests[f'{home_type} {name} {direction:+d} {start}'] = (
                     hashlib.sha256(text.encode()).hexdigest())
@@ -39,8 +41,13 @@ def records(tree: Path) -> dict[str, str]:
     """Rehearse the runs with the sources of a checkout; return a digest of each record."""
     paths = os.pathsep.join(map(str, (tree.resolve(), tree.resolve() / 'test')))
     run = subprocess.run(
-        [sys.executable, '-c', RUNS], cwd=tree, env={**os.environ, 'PYTHONPATH': paths},
-        check=True, stdout=subprocess.PIPE, text=True)
+        [sys.executable, '-c', RUNS],
+        cwd=tree,
+        env={**os.environ, 'PYTHONPATH': paths},
+        check=True,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     found: dict[str, str] = json.loads(run.stdout)
     return found
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Homes a simulated axis over a real ROS 2 graph, shows its course and draws it.
 
 Starts the plant and the homing node as processes, calls the home service from this one, prints
@@ -24,13 +25,13 @@ import yaml  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.text import Text  # noqa: E402
 
-from homing_node.figures import plot  # noqa: E402
 from homing_node.client import HomingClient  # noqa: E402
 from homing_node.core.axis import Outcome  # noqa: E402
+from homing_node.course import Course  # noqa: E402
+from homing_node.figures import plot  # noqa: E402
 from homing_node.figures.palette import state_colour  # noqa: E402
 from homing_node.plant.layout import layouts_from  # noqa: E402
 from homing_node.procedures.states import Error  # noqa: E402
-from homing_node.course import Course  # noqa: E402
 
 console = Console(highlight=False)
 
@@ -39,8 +40,16 @@ console = Console(highlight=False)
 def process(executable: str, parameters: Path):
     """Run an executable of this package."""
     child = subprocess.Popen(
-        [Path(sys.executable).with_name(executable), '--ros-args', '--log-level', 'warn',
-         '--params-file', str(parameters)], cwd=ROOT)
+        [
+            Path(sys.executable).with_name(executable),
+            '--ros-args',
+            '--log-level',
+            'warn',
+            '--params-file',
+            str(parameters),
+        ],
+        cwd=ROOT,
+    )
     try:
         yield child
     finally:
@@ -76,10 +85,15 @@ def show(course: Course, ended: threading.Event) -> None:
 
 def main() -> int:
     """Run the demo; return 0 if the axis was homed."""
-    console.print(f'ROS domain {os.environ["ROS_DOMAIN_ID"]}: starting simulated_axes and '
-                  'homing_node')
-    with process('simulated_axes', PLANT), process('homing_node', CONFIG), \
-            HomingClient() as homing, homing.record(AXIS) as course:
+    console.print(
+        f'ROS domain {os.environ["ROS_DOMAIN_ID"]}: starting simulated_axes and homing_node'
+    )
+    with (
+        process('simulated_axes', PLANT),
+        process('homing_node', CONFIG),
+        HomingClient() as homing,
+        homing.record(AXIS) as course,
+    ):
         console.print(f'ros2 service call /homing_node/{AXIS}/home std_srvs/srv/Trigger\n')
         ended = threading.Event()
         printer = threading.Thread(target=show, args=(course, ended))
@@ -93,11 +107,14 @@ def main() -> int:
     if not answer:
         return 1
     course.outcome = Outcome(
-        Error.NoError, '', state.home_position_raw, state.home_offset, state.uncertainty)
+        Error.NoError, '', state.home_position_raw, state.home_offset, state.uncertainty
+    )
     layout = layout_of(AXIS)
     edge = layout.switches['home_switch'].on_from
-    console.print(f'the true edge is at {edge:.9g}: home is '
-                  f'{1e6 * abs(state.home_position_raw - edge):.2f} µm off')
+    console.print(
+        f'the true edge is at {edge:.9g}: home is '
+        f'{1e6 * abs(state.home_position_raw - edge):.2f} µm off'
+    )
     plot.save(PICTURE, course, layout, title='HSHS, the limit switch hit first')
     console.print(f'wrote {PICTURE.relative_to(ROOT)}')
     return 0

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Makes doc/types: a page for every home type, from the tables and from rehearsed runs."""
 
 from collections.abc import Mapping
@@ -23,7 +24,8 @@ ROOT = Path(__file__).resolve().parent.parent
 TYPES = ROOT / 'doc' / 'types'
 FIGURES = TYPES / 'figures'
 TEXTS: Mapping[str, Mapping[str, str]] = yaml.safe_load(
-    (ROOT / 'scripts' / 'home_types.yaml').read_text())
+    (ROOT / 'scripts' / 'home_types.yaml').read_text()
+)
 
 LIMITS_PAGE = 'limit_switches_during_homing'
 
@@ -159,9 +161,16 @@ def page(procedure: Procedure) -> str:
         file = save(drawn, f'{home_type}_{run.title}')
         runs.append(RUN.format(title=run.title, home_type=home_type, file=file))
     return PAGE.format(
-        notice=NOTICE, home_type=home_type, text=fill(text['text'], 99), home=text['home'],
-        needs=needs(procedure), ahead=ahead(procedure), limits_page=LIMITS_PAGE,
-        diagram=mermaid(procedure), runs=''.join(runs))
+        notice=NOTICE,
+        home_type=home_type,
+        text=fill(text['text'], 99),
+        home=text['home'],
+        needs=needs(procedure),
+        ahead=ahead(procedure),
+        limits_page=LIMITS_PAGE,
+        diagram=mermaid(procedure),
+        runs=''.join(runs),
+    )
 
 
 def index() -> str:
@@ -183,11 +192,14 @@ def limits_page() -> str:
     failed = rehearse(short, example.layout, position=BEYOND.start)
     procedure = PROCEDURES[HomeType.HSHS]
     return LIMITS.format(
-        notice=NOTICE, rows='\n'.join(rows), bound=1e3 * bound,
+        notice=NOTICE,
+        rows='\n'.join(rows),
+        bound=1e3 * bound,
         diagram=mermaid(procedure, (State.HSSearch, State.HSFallingEdgeSearchReverse)),
         position=save(figure(course, example.layout, panels=POSITION_DIAGRAM), 'limit_position'),
         profile=save(figure(course, example.layout, panels=PROFILE), 'limit_profile'),
-        failure=save(figure(failed, example.layout), 'limit_failure'))
+        failure=save(figure(failed, example.layout), 'limit_failure'),
+    )
 
 
 def needs(procedure: Procedure) -> str:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs the scenarios of test/fault_scenarios.py: prints their table, or makes doc/faults.md.
 
 `faults.py` prints, `faults.py --write` writes.
@@ -98,14 +99,28 @@ def rows() -> list[tuple[str, ...]]:
 
 def page() -> str:
     """Return the whole page."""
-    lines = ['| # | what goes wrong | made by | outcome | stop, mm | `homing check` |',
-             '|---|---|---|---|---|---|']
+    lines = [
+        '| # | what goes wrong | made by | outcome | stop, mm | `homing check` |',
+        '|---|---|---|---|---|---|',
+    ]
     lines += ['| ' + ' | '.join(row) + ' |' for row in rows()]
-    between = [f'| {row.number} | {row.name} | {row.outcome} | `{row.test.partition("::")[0]}` |'
-               for row in BETWEEN]
+    between = [
+        f'| {row.number} | {row.name} | {row.outcome} | `{row.test.partition("::")[0]}` |'
+        for row in BETWEEN
+    ]
     elsewhere = [f'- **{number}** {why}' for number, why in ELSEWHERE.items()]
-    return (HEAD + '\n'.join(lines) + '\n' + BETWEEN_HEAD + '\n'.join(between) + '\n' + LIMITS
-            + '\n'.join(elsewhere) + '\n' + DRIVE)
+    return (
+        HEAD
+        + '\n'.join(lines)
+        + '\n'
+        + BETWEEN_HEAD
+        + '\n'.join(between)
+        + '\n'
+        + LIMITS
+        + '\n'.join(elsewhere)
+        + '\n'
+        + DRIVE
+    )
 
 
 def print_table() -> None:

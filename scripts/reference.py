@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Makes doc/parameters.md from the specifications that the node itself declares and checks."""
 
 from collections.abc import Iterable, Mapping

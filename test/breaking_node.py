@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node, but its reports break as soon as the file $BREAK is there."""
 
 import os
@@ -15,6 +16,7 @@ def breaking(states=Reports._next_states):
         if BREAK.exists():
             raise OSError('the network is gone')
         return states(reports)
+
     return next_states
 
 

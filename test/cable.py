@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two hosts on one machine: network namespaces, and a cable that delays, drops and can be cut.
 
 The cable is a pair of TAP devices whose frames a process carries over, because `tc netem` is not
@@ -57,7 +58,8 @@ class Cable:
             with theirs:
                 passed = theirs.fileno(), *ends
                 self._carrier = subprocess.Popen(
-                    [sys.executable, __file__, *map(str, passed)], pass_fds=passed)
+                    [sys.executable, __file__, *map(str, passed)], pass_fds=passed
+                )
         except BaseException:
             self._remove()
             raise
@@ -80,7 +82,10 @@ class Cable:
             return subprocess.Popen(
                 ['ip', 'netns', 'exec', host, sys.executable, *arguments],
                 env={**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', **environment},
-                stdin=subprocess.DEVNULL, stdout=file, stderr=file)
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=file,
+            )
 
     def _remove(self):
         for host in (self.near, self.far):

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What all tests share: hypothesis profiles, and how workers share the tests."""
 
 import os
@@ -7,14 +8,28 @@ from hypothesis import HealthCheck, Phase, settings
 
 QUIET = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile(
-    'quick', deadline=None, derandomize=True, max_examples=150, suppress_health_check=QUIET,
-    phases=(Phase.explicit, Phase.generate, Phase.shrink))
+    'quick',
+    deadline=None,
+    derandomize=True,
+    max_examples=150,
+    suppress_health_check=QUIET,
+    phases=(Phase.explicit, Phase.generate, Phase.shrink),
+)
 settings.register_profile('fuzz', deadline=None, max_examples=1500, suppress_health_check=QUIET)
 settings.load_profile('fuzz' if os.environ.get('HOMING_FUZZ') else 'quick')
 
 #: Files that start processes or look at a clock.
-TIMED = ('test_arrivals', 'test_bench', 'test_cli', 'test_client', 'test_docs', 'test_node_',
-         'test_reports', 'test_timebase', 'test_transport')
+TIMED = (
+    'test_arrivals',
+    'test_bench',
+    'test_cli',
+    'test_client',
+    'test_docs',
+    'test_node_',
+    'test_reports',
+    'test_timebase',
+    'test_transport',
+)
 #: Its last test looks back at all the others.
 WHOLE = 'test_homing.py'
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A short, quick axis of every home type, and what to say about its runs.
 
 The axis homes toward +1 in the *toward* frame; :func:`rehearsal` mirrors all of it for the other
@@ -73,8 +74,9 @@ class Rig:
 
     def but(self, transport: Transport | None = None, **changes: object) -> 'Rig':
         """Return the rig with other parameters."""
-        return replace(self, values={**self.values, **changes},
-                       transport=transport or self.transport)
+        return replace(
+            self, values={**self.values, **changes}, transport=transport or self.transport
+        )
 
     def built(self, **changes: object) -> 'Rig':
         """Return the rig with another layout."""
@@ -131,15 +133,19 @@ def rig(home_type: HomeType | str, **changes: object) -> Rig:
         values['external_ls_type'] = 'Dec'
     latches = [str(i) for i in (Input.Z_PULSE, Input.TOUCH_PROBE) if i in procedure.inputs]
     if ends:
-        values |= {'mechanical_end_detection_pos_diff': 0.004,
-                   'mechanical_end_detection_time': 0.02,
-                   'mechanical_end_detection_ignore_ls': True}
+        values |= {
+            'mechanical_end_detection_pos_diff': 0.004,
+            'mechanical_end_detection_time': 0.02,
+            'mechanical_end_detection_ignore_ls': True,
+        }
     layout = AxisLayout(
-        (-0.05, END if ends else 0.15), flags,
+        (-0.05, END if ends else 0.15),
+        flags,
         index_pitch=PITCH if 'z_pulse' in latches else 0.0,
         index_offset=OFFSET,
         touch_probe=PROBE if 'touch_probe' in latches else None,
-        start=0.05)
+        start=0.05,
+    )
     return Rig(home_type, {**values, 'switches': [*flags, *latches], **changes}, layout)
 
 
@@ -203,9 +209,7 @@ def furthest(course: Course, direction: int = 1) -> float:
     return max(direction * sample.position for sample in course.samples)
 
 
-def assert_homed(
-    course: Course, true_home: float, direction: int = 1, more: float = 1e-9
-) -> None:
+def assert_homed(course: Course, true_home: float, direction: int = 1, more: float = 1e-9) -> None:
     """Assert that a run found the true home, within the uncertainty that it reports."""
     found = home_of(course, direction)
     assert course.outcome is not None
@@ -226,8 +230,10 @@ class Spoilt(Rehearsal):
 
 
 def spoilt(
-    one: Rig, spoil: Callable[[Happening], Iterable[Happening]],
-    direction: int = 1, start: float | None = None,
+    one: Rig,
+    spoil: Callable[[Happening], Iterable[Happening]],
+    direction: int = 1,
+    start: float | None = None,
 ) -> Spoilt:
     """Return a rehearsal of a rig whose happenings pass through a function."""
     made = one.rehearsal(direction, start)
@@ -236,15 +242,17 @@ def spoilt(
     return made
 
 
-def bouncing(
-    every: float = 0.0005, times: int = 3
-) -> Callable[[Happening], Iterable[Happening]]:
+def bouncing(every: float = 0.0005, times: int = 3) -> Callable[[Happening], Iterable[Happening]]:
     """Return a spoiler: every edge of a switch bounces ``times``, ``every`` s apart."""
+
     def bounce(one: Happening) -> Iterable[Happening]:
         if not isinstance(one.value, bool):
             return (one,)
-        return [one._replace(time=one.time + i * every, value=one.value == (i % 2 == 0))
-                for i in range(2 * times + 1)]
+        return [
+            one._replace(time=one.time + i * every, value=one.value == (i % 2 == 0))
+            for i in range(2 * times + 1)
+        ]
+
     return bounce
 
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The scenarios that go wrong: what is done to the machine, and how the run must end.
 
 Everything is written for an axis that homes toward +1 and run both ways: ``d`` is the direction.
@@ -24,8 +25,8 @@ from core_rig import (
 from homing_node.core.request import Request
 from homing_node.plant.layout import SwitchLayout, mirrored
 from homing_node.procedures.states import Error, HomeType, Input
-from homing_node.rehearsal.message_faults import FaultyRehearsal, past
 from homing_node.rehearsal import message_faults as f
+from homing_node.rehearsal.message_faults import FaultyRehearsal, past
 
 #: What a stop from the fast velocity takes at most, m: v^2 / 2a + v a / 2j + a cycle of travel,
 #: and the same again while it still accelerates (v a / j).
@@ -69,9 +70,11 @@ CASES: list[Case] = []
 
 def case(number: str, name: str, made: str, error: Error | None = None, **rest):
     """Return a decorator that makes a case of a function of the direction."""
+
     def add(run: Run) -> Run:
         CASES.append(Case(number, name, made, run, error or Error.NoError, **rest))
         return run
+
     return add
 
 
@@ -114,8 +117,8 @@ HERE = TRUE_HOME[HomeType.HSHS]
 
 # ------------------------------------------------------------------------------------- switches
 
-@case('1', 'bounce at the edge', 'each edge of the home switch bounces 3 times in 3 ms',
-      home=HERE)
+
+@case('1', 'bounce at the edge', 'each edge of the home switch bounces 3 times in 3 ms', home=HERE)
 def _(d):
     return homed(HSHS, d, f.bounces(HS))
 
@@ -130,8 +133,12 @@ def _(d):
     return homed(HSHS, d, f.bounces(HS), start=0.063)
 
 
-@case('2', 'bounce at the far end of an overrun flag',
-      'HSReverseZPulse; the axis overruns a flag of 1.2 mm', home=0.0533)
+@case(
+    '2',
+    'bounce at the far end of an overrun flag',
+    'HSReverseZPulse; the axis overruns a flag of 1.2 mm',
+    home=0.0533,
+)
 def _(d):
     one = rig('HSReverseZPulse').switched(**{HS: SwitchLayout(0.06, 0.0612)})
     return homed(one, d, f.bounces(HS, every=0.0002))
@@ -143,45 +150,80 @@ def _(d):
     return homed(HSHS.but(switch_debounce=0.005), d, noise)
 
 
-@case('3', 'noise taken for the switch', 'one pulse of 0.1 s, 15 mm before the switch',
-      Error.EdgeNotRepeated, says='edge_tolerance')
+@case(
+    '3',
+    'noise taken for the switch',
+    'one pulse of 0.1 s, 15 mm before the switch',
+    Error.EdgeNotRepeated,
+    says='edge_tolerance',
+)
 def _(d):
     return homed(HSHS, d, f.noise(HS, past(0.045 * d, d), 0.1))
 
 
-@case('3', 'noise that is gone when the axis turns', 'one pulse of 2 ms, no debounce',
-      Error.LSTriggered, says='limit switch (behind)')
+@case(
+    '3',
+    'noise that is gone when the axis turns',
+    'one pulse of 2 ms, no debounce',
+    Error.LSTriggered,
+    says='limit switch (behind)',
+)
 def _(d):
     return homed(HSHS, d, f.noise(HS, past(0.045 * d, d), 0.002))
 
 
-@case('4', 'switch stuck on at the start', 'the home switch is on everywhere',
-      Error.MaxHSOnAtStartRevDistanceTraveled, says='stuck on')
+@case(
+    '4',
+    'switch stuck on at the start',
+    'the home switch is on everywhere',
+    Error.MaxHSOnAtStartRevDistanceTraveled,
+    says='stuck on',
+)
 def _(d):
     return homed(HSHS.but(max_hs_on_at_start_reverse_distance=0.02), d, f.stuck(HS, True))
 
 
-@case('4', 'switch stuck on, no bound of its own', 'the same, the limit behind comes first',
-      Error.LSTriggered, says='limit switch (behind)')
+@case(
+    '4',
+    'switch stuck on, no bound of its own',
+    'the same, the limit behind comes first',
+    Error.LSTriggered,
+    says='limit switch (behind)',
+)
 def _(d):
     return homed(HSHS, d, f.stuck(HS, True))
 
 
-@case('5', 'switch stuck off, or its cable cut', 'the home switch never rises',
-      Error.MaxLSRevDistanceTraveled, says='did not fall within 0.05 m')
+@case(
+    '5',
+    'switch stuck off, or its cable cut',
+    'the home switch never rises',
+    Error.MaxLSRevDistanceTraveled,
+    says='did not fall within 0.05 m',
+)
 def _(d):
     return homed(HSHS.but(max_ls_reverse_distance=0.05), d, f.stuck(HS, False))
 
 
-@case('5', 'all switches stuck off', 'no input ever changes', Error.SearchDistanceExceeded,
-      says='is the switch wired', )
+@case(
+    '5',
+    'all switches stuck off',
+    'no input ever changes',
+    Error.SearchDistanceExceeded,
+    says='is the switch wired',
+)
 def _(d):
     names = (HS, LIMIT_AHEAD, LIMIT_BEHIND)
     return homed(HSHS.but(max_search_distance=0.08), d, *(f.stuck(n, False) for n in names))
 
 
-@case('6', 'switch sticks after the first hit', 'the home switch never falls again',
-      Error.LSTriggered, says='limit switch (behind)')
+@case(
+    '6',
+    'switch sticks after the first hit',
+    'the home switch never falls again',
+    Error.LSTriggered,
+    says='limit switch (behind)',
+)
 def _(d):
     return homed(HSHS, d, f.sticks(HS, True))
 
@@ -211,8 +253,13 @@ def _(d):
     return homed(HSHS, d, start=0.08)
 
 
-@case('10', 'a switch that is lost after the reversal', 'the home switch sticks off once it fell',
-      Error.LSTriggered, says='for the second time')
+@case(
+    '10',
+    'a switch that is lost after the reversal',
+    'the home switch sticks off once it fell',
+    Error.LSTriggered,
+    says='for the second time',
+)
 def _(d):
     return homed(HSHS, d, f.sticks(HS, False), start=0.08)
 
@@ -220,14 +267,25 @@ def _(d):
 BEYOND = HSHS.switched(**{LIMIT_AHEAD: SwitchLayout(0.09, 0.092)})
 
 
-@case('11', 'start beyond a momentary limit ahead', 'no level tells; the hard stop holds it',
-      Error.FollowingError, says='does the axis follow', hits=True)
+@case(
+    '11',
+    'start beyond a momentary limit ahead',
+    'no level tells; the hard stop holds it',
+    Error.FollowingError,
+    says='does the axis follow',
+    hits=True,
+)
 def _(d):
     return homed(BEYOND.built(hard_stops=(-0.05, 0.12)), d, start=0.1)
 
 
-@case('11', 'start beyond a momentary limit behind', 'it rises on the way toward',
-      Error.LSTriggered, says='swapped')
+@case(
+    '11',
+    'start beyond a momentary limit behind',
+    'it rises on the way toward',
+    Error.LSTriggered,
+    says='swapped',
+)
 def _(d):
     return homed(HSHS.switched(**{LIMIT_BEHIND: SwitchLayout(0.0, 0.002)}), d, start=-0.02)
 
@@ -243,16 +301,22 @@ def _(d):
     return homed(HSHS, d, f.stuck(LIMIT_AHEAD, True), f.stuck(LIMIT_BEHIND, True))
 
 
-@case('13', 'both limits on during the run', 'both rise at once', Error.LimitsBothOn,
-      says='together')
+@case(
+    '13', 'both limits on during the run', 'both rise at once', Error.LimitsBothOn, says='together'
+)
 def _(d):
     moment = past(0.045 * d, d)
     names = (on_side(LIMIT_BEHIND, d), on_side(LIMIT_AHEAD, d))
     return homed(HSHS, d, *(f.noise(name, moment, 1.0) for name in names))
 
 
-@case('14', 'the opposite limit trips', 'the limit behind rises while moving toward',
-      Error.LSTriggered, says='behind')
+@case(
+    '14',
+    'the opposite limit trips',
+    'the limit behind rises while moving toward',
+    Error.LSTriggered,
+    says='behind',
+)
 def _(d):
     return homed(HSHS, d, f.noise(on_side(LIMIT_BEHIND, d), past(0.045 * d, d), 1.0))
 
@@ -262,41 +326,72 @@ def _(d):
     return homed(HSHS, d, f.swapped(LIMIT_AHEAD, LIMIT_BEHIND), start=0.07)
 
 
-@case('16', 'the drive turns the other way', 'its setpoints are inverted', Error.WrongDirection,
-      says='wrong_direction_distance')
+@case(
+    '16',
+    'the drive turns the other way',
+    'its setpoints are inverted',
+    Error.WrongDirection,
+    says='wrong_direction_distance',
+)
 def _(d):
     return homed(HSHS, d, f.scaled(f.SETPOINT, -1.0))
 
 
-@case('16', 'the whole axis turns the other way', 'setpoints and feedback are inverted',
-      Error.LSTriggered, says='home_direction')
+@case(
+    '16',
+    'the whole axis turns the other way',
+    'setpoints and feedback are inverted',
+    Error.LSTriggered,
+    says='home_direction',
+)
 def _(d):
     return homed(HSHS, d, f.scaled(f.SETPOINT, -1.0), f.scaled(f.FEEDBACK, -1.0))
 
 
-@case('17', 'encoder inverted', 'the feedback counts the other way', Error.WrongDirection,
-      says='is the encoder inverted')
+@case(
+    '17',
+    'encoder inverted',
+    'the feedback counts the other way',
+    Error.WrongDirection,
+    says='is the encoder inverted',
+)
 def _(d):
     return homed(HSHS, d, f.scaled(f.FEEDBACK, -1.0))
 
 
 # ------------------------------------------------------------------------------------- feedback
 
-@case('18', 'feedback frozen', 'messages come, the position stays', Error.FollowingError,
-      says='following_error')
+
+@case(
+    '18',
+    'feedback frozen',
+    'messages come, the position stays',
+    Error.FollowingError,
+    says='following_error',
+)
 def _(d):
     return homed(HSHS, d, f.frozen(past(0.045 * d, d)))
 
 
-@case('18', 'feedback lost', 'no message comes any more', Error.FeedbackStale,
-      says='feedback_timeout')
+@case(
+    '18',
+    'feedback lost',
+    'no message comes any more',
+    Error.FeedbackStale,
+    says='feedback_timeout',
+)
 def _(d):
     one = HSHS.but(feedback_timeout=0.05)
     return homed(one, d, f.lost(f.FEEDBACK, past(0.045 * d, d)))
 
 
-@case('19', 'following error', 'the axis goes half of the way', Error.FollowingError,
-      says='following_error')
+@case(
+    '19',
+    'following error',
+    'the axis goes half of the way',
+    Error.FollowingError,
+    says='following_error',
+)
 def _(d):
     return homed(HSHS, d, f.scaled(f.SETPOINT, 0.5))
 
@@ -308,25 +403,43 @@ def _(d):
 
 # ------------------------------------------------------------------------------------- messages
 
-@case('20', 'the edge of the home switch is lost', 'its rise never arrives: the limit reverses',
-      home=HERE)
+
+@case(
+    '20',
+    'the edge of the home switch is lost',
+    'its rise never arrives: the limit reverses',
+    home=HERE,
+)
 def _(d):
     return homed(HSHS, d, f.lost(HS, count=1))
 
 
-@case('20', 'the edge of the limit is lost', 'the axis comes to its hard stop',
-      Error.FollowingError, hits=True)
+@case(
+    '20',
+    'the edge of the limit is lost',
+    'the axis comes to its hard stop',
+    Error.FollowingError,
+    hits=True,
+)
 def _(d):
     return homed(HSHS, d, f.lost(on_side(LIMIT_AHEAD, d), count=1), start=0.08)
 
 
-@case('20', 'a periodic switch falls silent', 'every 10 ms, then no more; switch_timeout 30 ms',
-      Error.SwitchStale, says='switch_timeout')
+@case(
+    '20',
+    'a periodic switch falls silent',
+    'every 10 ms, then no more; switch_timeout 30 ms',
+    Error.SwitchStale,
+    says='switch_timeout',
+)
 def _(d):
     names = (HS, LIMIT_AHEAD, LIMIT_BEHIND)
     moment = past(0.045 * d, d)
-    return homed(HSHS.but(switch_timeout=0.03), d,
-                 *(f.repeated(name, 0.01, moment if name == HS else None) for name in names))
+    return homed(
+        HSHS.but(switch_timeout=0.03),
+        d,
+        *(f.repeated(name, 0.01, moment if name == HS else None) for name in names),
+    )
 
 
 @case('20', 'setpoints are lost', 'every second one', home=HERE)
@@ -341,15 +454,21 @@ def _(d):
     return homed(HSHS, d, *(f.late(n, 0.03, moment) for n in (HS, LIMIT_AHEAD, LIMIT_BEHIND)))
 
 
-@case('21', 'one edge late by 0.3 s', 'longer than feedback_timeout', Error.SwitchStale,
-      says='late')
+@case(
+    '21', 'one edge late by 0.3 s', 'longer than feedback_timeout', Error.SwitchStale, says='late'
+)
 def _(d):
     one = rig('HS', homing_velocity_fast=0.05)
     return homed(one, d, f.late(HS, 0.01), f.late(HS, 0.3, past(0.055 * d, d)))
 
 
-@case('21', 'feedback ever later', 'by 1 s in 5 s; longer than feedback_timeout in the end',
-      Error.FeedbackStale, says='late')
+@case(
+    '21',
+    'feedback ever later',
+    'by 1 s in 5 s; longer than feedback_timeout in the end',
+    Error.FeedbackStale,
+    says='late',
+)
 def _(d):
     def later(one):
         return [one._replace(delay=0.2 * one.sent)]
@@ -401,19 +520,30 @@ def _(d):
     return homed(HSHS, d, f.of(f.FEEDBACK, nonsense))
 
 
-@case('23', 'a switch that was never heard', 'no message at the start', Error.SwitchUnknown,
-      says='home_switch')
+@case(
+    '23',
+    'a switch that was never heard',
+    'no message at the start',
+    Error.SwitchUnknown,
+    says='home_switch',
+)
 def _(d):
     return homed(HSHS, d, f.of(HS, lambda one: []))
 
 
-@case('23', 'feedback that was never heard', 'no message at the start', Error.FeedbackStale,
-      says='no feedback yet')
+@case(
+    '23',
+    'feedback that was never heard',
+    'no message at the start',
+    Error.FeedbackStale,
+    says='no feedback yet',
+)
 def _(d):
     return homed(HSHS, d, f.of(f.FEEDBACK, lambda one: []))
 
 
 # ------------------------------------------------------------------------------------- requests
+
 
 @case('25', 'emergency stop', 'in the first search', Error.EmergencyStop)
 def _(d):
@@ -442,8 +572,12 @@ def _(d):
     return finished(made)
 
 
-@case('28', 'cancel as the run succeeds', 'in each of the last 100 cycles: never both',
-      Error.Canceled)
+@case(
+    '28',
+    'cancel as the run succeeds',
+    'in each of the last 100 cycles: never both',
+    Error.Canceled,
+)
 def _(d):
     cycles = len(homed(HSHS, d).course.samples)
     before = faulty(HSHS, d)
@@ -463,20 +597,36 @@ def _(d):
 
 # ---------------------------------------------------------------------------------------- index
 
-@case('29', 'a pulse 0.1 mm before the edge', 'HSZPulse; the next pulse is taken', home=0.0699,
-      checked='index-margin')
+
+@case(
+    '29',
+    'a pulse 0.1 mm before the edge',
+    'HSZPulse; the next pulse is taken',
+    home=0.0699,
+    checked='index-margin',
+)
 def _(d):
     return homed(rig('HSZPulse').built(index_offset=0.0099), d)
 
 
-@case('29', 'a pulse 0.1 mm behind the edge', 'HSZPulse; that pulse is taken', home=0.0601,
-      checked='index-margin')
+@case(
+    '29',
+    'a pulse 0.1 mm behind the edge',
+    'HSZPulse; that pulse is taken',
+    home=0.0601,
+    checked='index-margin',
+)
 def _(d):
     return homed(rig('HSZPulse').built(index_offset=0.0001), d)
 
 
-@case('29', 'the same, index_margin_action Fail', 'half a pitch would be best',
-      Error.IndexMarginError, says='move the switch')
+@case(
+    '29',
+    'the same, index_margin_action Fail',
+    'half a pitch would be best',
+    Error.IndexMarginError,
+    says='move the switch',
+)
 def _(d):
     one = rig('HSZPulse', index_margin_action='Fail').built(index_offset=0.0001)
     return homed(one.but(z_pulse_distance_check=0.01), d)
@@ -492,15 +642,24 @@ def _(d):
     return homed(rig('HSZPulse'), d, f.lost('z_pulse'))
 
 
-@case('31', 'index doubled', 'a second pulse 1 mm further; z_pulse_distance_check',
-      Error.ZPulseDistanceCheckError, says='z_pulse_distance_check')
+@case(
+    '31',
+    'index doubled',
+    'a second pulse 1 mm further; z_pulse_distance_check',
+    Error.ZPulseDistanceCheckError,
+    says='z_pulse_distance_check',
+)
 def _(d):
     one = rig('HSZPulse', multiple_z_pulse=2, z_pulse_distance_check=0.01)
     return homed(one, d, f.doubled('z_pulse', 0.001 * d))
 
 
-@case('31', 'latches that are nonsense', 'NaN, infinite and 10 m ahead, with every pulse',
-      home=TRUE_HOME[HomeType.HSZPulse])
+@case(
+    '31',
+    'latches that are nonsense',
+    'NaN, infinite and 10 m ahead, with every pulse',
+    home=TRUE_HOME[HomeType.HSZPulse],
+)
 def _(d):
     def nonsense(one):
         return [one._replace(value=v) for v in (nan, d * inf, 10.0 * d, one.value, -d * inf)]
@@ -510,8 +669,14 @@ def _(d):
 
 # ---------------------------------------------------------------------------------- the machine
 
-@case('32', 'the switch slips between the passes', 'by 3 mm; edge_tolerance is 1 mm',
-      Error.EdgeNotRepeated, says='0.003 m')
+
+@case(
+    '32',
+    'the switch slips between the passes',
+    'by 3 mm; edge_tolerance is 1 mm',
+    Error.EdgeNotRepeated,
+    says='0.003 m',
+)
 def _(d):
     made = underway(HSHS, d)
     while made.axis.state != 'SecondHSSearch':
@@ -520,8 +685,13 @@ def _(d):
     return finished(made)
 
 
-@case('34', 'the homed axis is pushed', 'servo off after the run: no longer homed', Error.ServoOff,
-      says='servo')
+@case(
+    '34',
+    'the homed axis is pushed',
+    'servo off after the run: no longer homed',
+    Error.ServoOff,
+    says='servo',
+)
 def _(d):
     made = homed(HSHS, d)
     assert made.axis.homed
@@ -531,8 +701,7 @@ def _(d):
     return made
 
 
-@case('37', 'two clients at once', 'the second request of an axis', Error.Busy,
-      says='in progress')
+@case('37', 'two clients at once', 'the second request of an axis', Error.Busy, says='in progress')
 def _(d):
     made = underway(HSHS, d)
     refusal = made.axis.home(made.time)
@@ -541,14 +710,20 @@ def _(d):
     return made
 
 
-@case('38', 'another one moves the axis', 'a jog takes every setpoint over', Error.FollowingError,
-      says='does the axis follow')
+@case(
+    '38',
+    'another one moves the axis',
+    'a jog takes every setpoint over',
+    Error.FollowingError,
+    says='does the axis follow',
+)
 def _(d):
     return homed(HSHS, d, f.of(f.SETPOINT, lambda one: [one._replace(value=0.03 * d)]))
 
 
-@case('40', 'one axis of a group fails', 'y stops because x does not find its switch',
-      Error.Canceled)
+@case(
+    '40', 'one axis of a group fails', 'y stops because x does not find its switch', Error.Canceled
+)
 def _(d):
     rigs = {'x': HSHS.but(max_search_distance=0.02), 'y': HSHS}
     both = {name: faulty(one, d) for name, one in rigs.items()}
@@ -564,27 +739,46 @@ def _(d):
     return made
 
 
-@case('42', 'a switch that two axes share', 'the other axis runs over it in the first pass',
-      Error.EdgeNotRepeated)
+@case(
+    '42',
+    'a switch that two axes share',
+    'the other axis runs over it in the first pass',
+    Error.EdgeNotRepeated,
+)
 def _(d):
     return homed(HSHS, d, f.noise(HS, past(0.04 * d, d), 0.15))
 
 
-@case('43', 'polarity of the home switch wrong', 'on everywhere but on its flag',
-      Error.MaxHSOnAtStartRevDistanceTraveled, says='polarity')
+@case(
+    '43',
+    'polarity of the home switch wrong',
+    'on everywhere but on its flag',
+    Error.MaxHSOnAtStartRevDistanceTraveled,
+    says='polarity',
+)
 def _(d):
     one = HSHS.but(max_hs_on_at_start_reverse_distance=0.02)
     return homed(one, d, f.inverted(HS))
 
 
-@case('43', 'polarity of the limits wrong', 'both are on off their flags', Error.LimitsBothOn,
-      says='polarity')
+@case(
+    '43',
+    'polarity of the limits wrong',
+    'both are on off their flags',
+    Error.LimitsBothOn,
+    says='polarity',
+)
 def _(d):
     return homed(HSHS, d, f.inverted(LIMIT_AHEAD), f.inverted(LIMIT_BEHIND))
 
 
-@case('44', 'edge too early in the second pass', 'noise 3 mm before the edge',
-      Error.EdgeNotRepeated, says='edge_tolerance')
+@case(
+    '44',
+    'edge too early in the second pass',
+    'noise 3 mm before the edge',
+    Error.EdgeNotRepeated,
+    says='edge_tolerance',
+)
 def _(d):
     made = underway(HSHS.but(homing_reverse_distance=0.01), d)
     while made.axis.state != 'SecondHSSearch':
@@ -595,22 +789,26 @@ def _(d):
     return finished(made)
 
 
-@case('45', 'a stall that is not the end', 'the axis sticks for 10 ms on its way',
-      home=END)
+@case('45', 'a stall that is not the end', 'the axis sticks for 10 ms on its way', home=END)
 def _(d):
     one = rig('MechanicalEndDetection', mechanical_end_detection_time=0.2)
     return homed(one, d, f.stands(past(0.05 * d, d), 0.1), start=0.03)
 
 
-@case('46', 'a motor without encoder stalls', 'the drive reports its command',
-      Error.SearchDistanceExceeded)
+@case(
+    '46',
+    'a motor without encoder stalls',
+    'the drive reports its command',
+    Error.SearchDistanceExceeded,
+)
 def _(d):
     one = HSHS.but(max_search_distance=0.08)
     return homed(one, d, f.no_encoder(), f.stands(past(0.045 * d, d)))
 
 
-@case('46', 'a motor without encoder loses steps', '3 mm between the passes',
-      Error.EdgeNotRepeated)
+@case(
+    '46', 'a motor without encoder loses steps', '3 mm between the passes', Error.EdgeNotRepeated
+)
 def _(d):
     made = faulty(HSHS, d)
     gate = f.Moment(lambda *_: made.axis.state == 'SecondHSSearch')
@@ -619,8 +817,13 @@ def _(d):
     return made
 
 
-@case('47', 'ten retries against a stuck switch', 'none goes further than the first',
-      Error.MaxLSRevDistanceTraveled, says='is the home switch between the limits')
+@case(
+    '47',
+    'ten retries against a stuck switch',
+    'none goes further than the first',
+    Error.MaxLSRevDistanceTraveled,
+    says='is the home switch between the limits',
+)
 def _(d):
     made = homed(HSHS.but(max_ls_reverse_distance=0.05), d, f.stuck(HS, False))
     low, high = made.low, made.high
@@ -631,8 +834,14 @@ def _(d):
     return made
 
 
-@case('48', 'hard stop at speed', 'it is 2 mm behind the edge of the limit', Error.FollowingError,
-      hits=True, checked='hard-stop')
+@case(
+    '48',
+    'hard stop at speed',
+    'it is 2 mm behind the edge of the limit',
+    Error.FollowingError,
+    hits=True,
+    checked='hard-stop',
+)
 def _(d):
     one = HSHS.but(following_error=0.002).built(hard_stops=(-0.05, 0.092))
     return homed(one, d, start=0.07)
@@ -678,8 +887,13 @@ def _(d):
     return homed(rig('TouchProbe'), d, f.lost('touch_probe'))
 
 
-@case('52', 'the home shift meets a limit', 'the shift is 40 mm, the limit 30 mm away',
-      Error.LSTriggered, checked='shift-into-limit')
+@case(
+    '52',
+    'the home shift meets a limit',
+    'the shift is 40 mm, the limit 30 mm away',
+    Error.LSTriggered,
+    checked='shift-into-limit',
+)
 def _(d):
     return homed(HSHS.but(home_shift_distance=0.04), d)
 
@@ -693,6 +907,7 @@ def _(d):
 
 # --------------------------------------------------------------------------- where the rest is
 
+
 class Between(NamedTuple):
     """A scenario that needs processes and messages: what happens, and which test shows it."""
 
@@ -703,27 +918,45 @@ class Between(NamedTuple):
 
 
 BETWEEN = (
-    Between('23', 'the driver of a switch is restarted',
-            '`SwitchStale`; then `SwitchUnknown` until it has told its level',
-            'test_node_loss.py::test_a_driver_that_came_back_has_to_tell_the_levels'),
-    Between('24', 'two publishers of one switch', '`PublisherConflict`, naming both nodes',
-            'test_node_services.py::test_two_publishers_of_a_switch'),
-    Between('35', 'the node dies while an axis homes',
-            'the drive stops by itself; a new node knows no home and moves nothing',
-            'test_node_faults.py::test_the_node_is_killed'),
-    Between('37', 'two clients at once', '`Busy`, naming what runs',
-            'test_node_services.py::test_busy_and_meanwhile_everything_else_answers'),
-    Between('39', 'a parameter is set during the run', 'refused, with the reason',
-            'test_node_services.py::test_busy_and_meanwhile_everything_else_answers'),
+    Between(
+        '23',
+        'the driver of a switch is restarted',
+        '`SwitchStale`; then `SwitchUnknown` until it has told its level',
+        'test_node_loss.py::test_a_driver_that_came_back_has_to_tell_the_levels',
+    ),
+    Between(
+        '24',
+        'two publishers of one switch',
+        '`PublisherConflict`, naming both nodes',
+        'test_node_services.py::test_two_publishers_of_a_switch',
+    ),
+    Between(
+        '35',
+        'the node dies while an axis homes',
+        'the drive stops by itself; a new node knows no home and moves nothing',
+        'test_node_faults.py::test_the_node_is_killed',
+    ),
+    Between(
+        '37',
+        'two clients at once',
+        '`Busy`, naming what runs',
+        'test_node_services.py::test_busy_and_meanwhile_everything_else_answers',
+    ),
+    Between(
+        '39',
+        'a parameter is set during the run',
+        'refused, with the reason',
+        'test_node_services.py::test_busy_and_meanwhile_everything_else_answers',
+    ),
 )
 
 #: Why a scenario cannot occur here.
 ELSEWHERE = {
     '33': 'Drift by temperature: the node keeps nothing between runs, so nothing can be out of '
-          'date. Every run measures the margin between switch and index and warns before it is '
-          'used up (`index_margin`).',
+    'date. Every run measures the margin between switch and index and warns before it is '
+    'used up (`index_margin`).',
     '36': 'Power lost while a record is written: the node writes no record and trusts none. A '
-          'restarted node knows no home.',
+    'restarted node knows no home.',
     '41': 'A gantry with one of its switches on at the start: an axis here has one '
-          'home switch; two coupled motors are two axes, and nothing watches their skew.',
+    'home switch; two coupled motors are two axes, and nothing watches their skew.',
 }

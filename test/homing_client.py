@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A client in a process of its own: homes an axis and tells how that went."""
 
 import json
@@ -21,13 +22,20 @@ def home(axis):
     node = rclpy.create_node('client', enable_rosout=False)
     setpoints, feedback, enabled = [], [], [None]
     node.create_subscription(
-        JointTrajectory, '/homing_node/setpoints',
-        lambda m: setpoints.append((m.points[0].positions[0], m.points[0].velocities[0])), 1000)
+        JointTrajectory,
+        '/homing_node/setpoints',
+        lambda m: setpoints.append((m.points[0].positions[0], m.points[0].velocities[0])),
+        1000,
+    )
     node.create_subscription(
-        JointState, '/joint_states', lambda m: feedback.append(m.position[0]), 100)
+        JointState, '/joint_states', lambda m: feedback.append(m.position[0]), 100
+    )
     node.create_subscription(
-        Bool, f'/homing_node/{axis}/servo_enabled', lambda m: enabled.append(m.data),
-        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        Bool,
+        f'/homing_node/{axis}/servo_enabled',
+        lambda m: enabled.append(m.data),
+        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+    )
     servo = node.create_client(SetBool, f'/homing_node/{axis}/servo')
     client = node.create_client(Trigger, f'/homing_node/{axis}/home')
     until = time.monotonic() + 40.0
@@ -53,8 +61,10 @@ def home(axis):
     until = time.monotonic() + 10.0
     while time.monotonic() < until and setpoints and setpoints[-1][1]:
         rclpy.spin_once(node, timeout_sec=0.01)
-    print(json.dumps({'message': answer.message, 'setpoints': setpoints, 'feedback': feedback}),
-          flush=True)
+    print(
+        json.dumps({'message': answer.message, 'setpoints': setpoints, 'feedback': feedback}),
+        flush=True,
+    )
 
 
 if __name__ == '__main__':

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Starts the node and a plant as processes of their own and talks to them as a user would.
 
 Nothing here sleeps in order to synchronise: everything waits for a condition, with a deadline.
@@ -46,8 +47,11 @@ LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: A participant that joins later than half a second after another is found by it only with its
 #: next announcement, which by default comes every 3 s.
 PROFILE = Path(__file__).with_name('quick_discovery.xml')
-os.environ.update(ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_PYTHON_CHECK_FIELDS='1',
-                  FASTRTPS_DEFAULT_PROFILES_FILE=str(PROFILE))
+os.environ.update(
+    ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
+    ROS_PYTHON_CHECK_FIELDS='1',
+    FASTRTPS_DEFAULT_PROFILES_FILE=str(PROFILE),
+)
 
 #: Their ports lie beyond those that Linux gives to clients; people and programs prefer low ones.
 DOMAINS = range(215, 232)
@@ -111,18 +115,27 @@ class Process:
         number = sum(1 for _ in folder.iterdir())
         self._log = folder / f'{number}_{name}.log'
         file = folder / f'{number}_{name}.yaml'
-        file.write_text(parameters if isinstance(parameters, str) else yaml.dump(
-            {'/**': {'ros__parameters': parameters}}, Dumper=PlainDumper))
+        file.write_text(
+            parameters
+            if isinstance(parameters, str)
+            else yaml.dump({'/**': {'ros__parameters': parameters}}, Dumper=PlainDumper)
+        )
         code = f'import sys; from {MAINS[name]} import main; sys.exit(main())'
         environment = {
-            **os.environ, 'ROS_DOMAIN_ID': str(domain.number), 'PYTHONFAULTHANDLER': '1',
-            'ROS_LOG_DIR': str(folder / 'log')}
+            **os.environ,
+            'ROS_DOMAIN_ID': str(domain.number),
+            'PYTHONFAULTHANDLER': '1',
+            'ROS_LOG_DIR': str(folder / 'log'),
+        }
         del environment['FASTRTPS_DEFAULT_PROFILES_FILE']  # its own
         with self._log.open('w') as log:
             self.process = subprocess.Popen(
-                [sys.executable, '-c', code, '--ros-args', '--params-file', str(file),
-                 *arguments],
-                env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+                [sys.executable, '-c', code, '--ros-args', '--params-file', str(file), *arguments],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
 
     @property
     def output(self):
@@ -196,12 +209,16 @@ class Client:
     def __init__(self, domain, node='/homing_node'):
         self.target = node
         self.context = Context()
-        rclpy.init(context=self.context, domain_id=domain.number,
-                   signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(
+            context=self.context,
+            domain_id=domain.number,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         self.node = rclpy.create_node('client', context=self.context, enable_rosout=False)
         # What listens is polled: no executor may hold it up.
-        self._listener = rclpy.create_node('listener', context=self.context, enable_rosout=False,
-                                           start_parameter_services=False)
+        self._listener = rclpy.create_node(
+            'listener', context=self.context, enable_rosout=False, start_parameter_services=False
+        )
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._clients = {}
@@ -246,7 +263,8 @@ class Client:
     def record(self, kind, topic, qos=1000):
         """Return the list that from now on gets every message of a topic."""
         subscription = self._listener.create_subscription(
-            kind, self.name(topic), lambda _: None, qos)
+            kind, self.name(topic), lambda _: None, qos
+        )
         heard = []
         self._recordings.append((subscription, heard))
         return heard
@@ -256,8 +274,14 @@ class Client:
             handle, kind = subscription.handle, subscription.msg_type
             while (taken := handle.take_message(kind, False)) is not None:
                 message, info = taken
-                heard.append(Heard(message, info['publication_sequence_number'],
-                                   info['source_timestamp'], info['received_timestamp']))
+                heard.append(
+                    Heard(
+                        message,
+                        info['publication_sequence_number'],
+                        info['source_timestamp'],
+                        info['received_timestamp'],
+                    )
+                )
 
     def forget(self, *records):
         """End some recordings: each takes its time of every message."""
@@ -306,19 +330,28 @@ class Client:
         answers = {}
 
         def look():
-            answers.update({axis: answer for axis, one in asking.items()
-                            if axis not in answers and (answer := one.answer())})
+            answers.update(
+                {
+                    axis: answer
+                    for axis, one in asking.items()
+                    if axis not in answers and (answer := one.answer())
+                }
+            )
             return len(answers) == len(axes)
 
         self.until(look, timeout, f'homing of {axes}')
         return answers
 
     def asking_to_home(self, axis, *passed_over, again=None, unheard=UNHEARD):
-        return Asking(lambda: self.send(Trigger, f'{axis}/home'), again or self._drops(),
-                      (*unheard, *passed_over))
+        return Asking(
+            lambda: self.send(Trigger, f'{axis}/home'),
+            again or self._drops(),
+            (*unheard, *passed_over),
+        )
 
     def _drops(self):
         """Return what tells whether an answer was dropped since it was asked last."""
+
         def count():
             return sum(process.output.count(DROPPED) for process in self._watched)
 
@@ -346,19 +379,25 @@ class Client:
 
     def set(self, atomically=False, **values):
         """Set parameters (`__` stands for the point); return one result, or one of each."""
-        parameters = [Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
-                      for name, value in values.items()]
+        parameters = [
+            Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+            for name, value in values.items()
+        ]
         if atomically:
-            return self.ask(SetParametersAtomically, 'set_parameters_atomically',
-                            parameters=parameters).result
+            return self.ask(
+                SetParametersAtomically, 'set_parameters_atomically', parameters=parameters
+            ).result
         results = self.ask(SetParameters, 'set_parameters', parameters=parameters).results
         return results[0] if len(results) == 1 else results
 
     def get(self, *names):
         values = self.ask(GetParameters, 'get_parameters', names=list(names)).values
-        return [Parameter.from_parameter_msg(
-            rclpy.parameter.ParameterMsg(name=name, value=value)).value
-            for name, value in zip(names, values, strict=True)]
+        return [
+            Parameter.from_parameter_msg(
+                rclpy.parameter.ParameterMsg(name=name, value=value)
+            ).value
+            for name, value in zip(names, values, strict=True)
+        ]
 
     def servo(self, axis, on):
         return self.ask(SetBool, f'{axis}/servo', data=on)
@@ -378,12 +417,14 @@ class HandPlant:
         self.silent = False  # no feedback
         self.held = False  # nothing at all, not even the clock
         self.sim_time = None  # ns, of /clock while time is simulated
-        self._node = rclpy.create_node('plant', context=client.context, enable_rosout=False,
-                                       start_parameter_services=False)
+        self._node = rclpy.create_node(
+            'plant', context=client.context, enable_rosout=False, start_parameter_services=False
+        )
         self._feedback = self._node.create_publisher(JointState, 'joint_states', 100)
         self._clock = self._node.create_publisher(Clock, '/clock', 10)
         self._setpoints = self._node.create_subscription(
-            JointTrajectory, client.name('setpoints'), lambda _: None, 100)
+            JointTrajectory, client.name('setpoints'), lambda _: None, 100
+        )
         self._publishers = {}
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -403,12 +444,16 @@ class HandPlant:
         """Return the publisher of a topic; the first call makes it."""
         if topic not in self._publishers:
             self._publishers[topic] = self._node.create_publisher(
-                kind, self.client.name(topic), LATCHED)
+                kind, self.client.name(topic), LATCHED
+            )
         return self._publishers[topic]
 
     def set_levels(self, axis, home=False, positive=False, negative=False):
-        for name, level in (('home_switch', home), ('positive_limit_switch', positive),
-                            ('negative_limit_switch', negative)):
+        for name, level in (
+            ('home_switch', home),
+            ('positive_limit_switch', positive),
+            ('negative_limit_switch', negative),
+        ):
             self.until_heard(f'{axis}/{name}', level)
 
     def until_heard(self, topic, value):
@@ -430,14 +475,16 @@ class HandPlant:
             while (taken := handle.take_message(JointTrajectory, False)) is not None:
                 message = taken[0]
                 self.positions.update(
-                    zip(message.joint_names, message.points[-1].positions, strict=True))
+                    zip(message.joint_names, message.points[-1].positions, strict=True)
+                )
             stamp = self.sim_time
             if stamp is not None:
                 self.sim_time = stamp = stamp + round(self.PERIOD * 1e9)
                 self._clock.publish(Clock(clock=_stamp(stamp)))
             if not self.silent:
-                message = JointState(name=list(self.positions),
-                                     position=[float(p) for p in self.positions.values()])
+                message = JointState(
+                    name=list(self.positions), position=[float(p) for p in self.positions.values()]
+                )
                 message.header.stamp = _stamp(time.time_ns() if stamp is None else stamp)
                 self._feedback.publish(message)
 
@@ -449,8 +496,9 @@ def _stamp(nanoseconds):
 class World:
     """A node, a client and, where its axes are given, a simulated plant."""
 
-    def __init__(self, folder, parameters, plant=None, node='/homing_node', arguments=(),
-                 plant_arguments=()):
+    def __init__(
+        self, folder, parameters, plant=None, node='/homing_node', arguments=(), plant_arguments=()
+    ):
         self.folder = Path(folder)
         self.domain = Domain()
         self.processes = []
@@ -516,8 +564,10 @@ AXIS = {
 
 def mirrored(layout):
     """Return the layout whose axis homes toward negative."""
-    other = {'negative_limit_switch': 'positive_limit_switch',
-             'positive_limit_switch': 'negative_limit_switch'}
+    other = {
+        'negative_limit_switch': 'positive_limit_switch',
+        'positive_limit_switch': 'negative_limit_switch',
+    }
     new = {}
     for name, value in layout.items():
         if isinstance(value, list):
@@ -531,14 +581,21 @@ def mirrored(layout):
 
 def node_parameters(axes, **node):
     """Return the parameters of a node whose axes are given as name -> what differs from AXIS."""
-    return {'axes': list(axes), 'cycle_timeout': 1.0, **node,
-            **{name: {**AXIS, **values} for name, values in axes.items()}}
+    return {
+        'axes': list(axes),
+        'cycle_timeout': 1.0,
+        **node,
+        **{name: {**AXIS, **values} for name, values in axes.items()},
+    }
 
 
 def plant_parameters(axes, **plant):
     """Return the parameters of a plant whose axes are given as name -> what differs of LAYOUT."""
-    return {'axes': list(axes), **plant,
-            **{name: {**LAYOUT, **values} for name, values in axes.items()}}
+    return {
+        'axes': list(axes),
+        **plant,
+        **{name: {**LAYOUT, **values} for name, values in axes.items()},
+    }
 
 
 # --------------------------------------------------------------------------- what was heard
@@ -567,8 +624,15 @@ def course_of(setpoints, joint):
         names, (point,) = heard.message.joint_names, heard.message.points
         if joint in names:
             i = names.index(joint)
-            samples.append(Sample(heard.sequence, point.positions[i], point.velocities[i],
-                                  point.accelerations[i], heard.sent))
+            samples.append(
+                Sample(
+                    heard.sequence,
+                    point.positions[i],
+                    point.velocities[i],
+                    point.accelerations[i],
+                    heard.sent,
+                )
+            )
     return samples
 
 
@@ -584,11 +648,11 @@ def assert_within_limits(samples, velocity, acceleration, jerk, period=0.004):
     derivative = [s.position for s in samples]
     # A position of 0.1 m is rounded to 1e-17 m; the third difference has 8 of them per 6.4e-8 s^3.
     for name, limit in (('velocity', velocity), ('acceleration', acceleration), ('jerk', jerk)):
-        derivative = [(b - a) / period
-                      for a, b in pairwise(derivative)]
+        derivative = [(b - a) / period for a, b in pairwise(derivative)]
         worst = max(map(abs, derivative))
         assert worst <= limit * (1 + 1e-4) + 1e-6, (
-            f'{name} {worst} at {[abs(d) for d in derivative].index(worst)} of {len(derivative)}')
+            f'{name} {worst} at {[abs(d) for d in derivative].index(worst)} of {len(derivative)}'
+        )
     for s in samples:
         assert abs(s.velocity) <= velocity * (1 + 1e-6)
         assert abs(s.acceleration) <= acceleration * (1 + 1e-6)
@@ -602,8 +666,9 @@ def assert_within_limits(samples, velocity, acceleration, jerk, period=0.004):
 
 def at_speed(client, setpoints, joint, velocity=0.0499):
     """Wait until a joint has reached a velocity, toward positive."""
-    client.until(lambda: (samples := course_of(setpoints[-20:], joint))
-                 and samples[-1].velocity > velocity)
+    client.until(
+        lambda: (samples := course_of(setpoints[-20:], joint)) and samples[-1].velocity > velocity
+    )
 
 
 def assert_stopped(client, setpoints, joint, acceleration=1.0, velocity=0.05):

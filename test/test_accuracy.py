@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The true edge: uncertainty, stamps that are not believed, repeated passes, the index margin."""
 
 import random
@@ -29,8 +30,13 @@ DELAYS = [
 @pytest.mark.parametrize('transport', DELAYS, ids=str)
 def test_home_does_not_depend_on_the_delay_of_messages(transport):
     """The issue's goals: 0.3 um at 5 mm/s and 5 um at 50 mm/s with right stamps."""
-    slow = {'homing_velocity_fast': 0.05, 'homing_velocity_slow': 0.005, 'max_jerk': 100.0,
-            'homing_velocity_fast_acc': 0.5, 'homing_velocity_fast_dec': 0.5}
+    slow = {
+        'homing_velocity_fast': 0.05,
+        'homing_velocity_slow': 0.005,
+        'max_jerk': 100.0,
+        'homing_velocity_fast_acc': 0.5,
+        'homing_velocity_fast_dec': 0.5,
+    }
     two_pass = rig('HSHS', **slow).but(transport=transport).home(start=0.055)
     assert home_of(two_pass) == pytest.approx(TRUE_HOME['HSHS'], abs=0.3e-6)
     one_pass = rig('HS', **slow).but(transport=transport).home(start=0.05)
@@ -46,9 +52,15 @@ def random_run(seed):
         feedback_rate=chance.choice([250.0, 500.0, 1000.0]),
         switch_delay=chance.choice([0.0, 0.005, 0.02]),
         feedback_delay=chance.choice([0.0, 0.005, 0.02]),
-        jitter=chance.choice([0.0, 0.005]), stamp_error=STAMP_ERROR, seed=seed)
-    one = rig('HSHS', homing_velocity_slow=slow, switch_stamp_error=STAMP_ERROR).switched(
-        home_switch=SwitchLayout(edge, edge + 0.006)).built(lag=chance.uniform(0.0, 0.01))
+        jitter=chance.choice([0.0, 0.005]),
+        stamp_error=STAMP_ERROR,
+        seed=seed,
+    )
+    one = (
+        rig('HSHS', homing_velocity_slow=slow, switch_stamp_error=STAMP_ERROR)
+        .switched(home_switch=SwitchLayout(edge, edge + 0.006))
+        .built(lag=chance.uniform(0.0, 0.01))
+    )
     course = one.but(transport=transport).home(start=0.056)
     return abs(home_of(course) - edge), course.outcome.uncertainty
 
@@ -64,8 +76,11 @@ def test_uncertainty_covers_the_error_and_is_not_idle():
 @pytest.mark.parametrize('phase', range(12))
 def test_a_command_that_freezes_at_the_edge_is_part_of_the_uncertainty(phase):
     """The feedback has a corner between two samples, where a straight line is off by most."""
-    one = rig('LS', immediate_stop_at_ls=True, homing_velocity_fast=0.125).built(lag=0.0).but(
-        transport=Transport(update_rate=125.0, feedback_rate=50.0))
+    one = (
+        rig('LS', immediate_stop_at_ls=True, homing_velocity_fast=0.125)
+        .built(lag=0.0)
+        .but(transport=Transport(update_rate=125.0, feedback_rate=50.0))
+    )
     course = one.home(start=0.055 + phase * 2.5e-3 / 12)
     error = abs(home_of(course) - TRUE_HOME['LS'])
     assert error <= course.outcome.uncertainty <= 2.5e-3
@@ -78,7 +93,8 @@ def test_a_coarse_encoder_is_part_of_the_uncertainty(count, phase):
     made = rig('HS').rehearsal(start=0.05 + phase * 0.2 * count)
     exact = made.axis.feedback
     made.axis.feedback = lambda time, position, *more: exact(
-        time, round(position / count) * count, *more)
+        time, round(position / count) * count, *more
+    )
     course = made.home(limit=60.0)
     error = abs(home_of(course) - TRUE_HOME['HS'])
     assert error <= course.outcome.uncertainty <= 3 * count
@@ -90,8 +106,9 @@ def test_a_coarse_encoder_is_part_of_the_uncertainty(count, phase):
 @pytest.mark.parametrize('source', ['switch', 'feedback'])
 def test_an_arrival_instead_of_a_stamp_is_less_certain_but_covers(source):
     late = 0.004
-    one = rig('HSHS').but(Transport(switch_delay=late) if source == 'switch' else
-                          Transport(feedback_delay=late))
+    one = rig('HSHS').but(
+        Transport(switch_delay=late) if source == 'switch' else Transport(feedback_delay=late)
+    )
     made = one.rehearsal()
     take = getattr(made.axis, source)
 
@@ -120,8 +137,9 @@ def test_an_arrival_instead_of_a_stamp_is_less_certain_but_covers(source):
 def test_every_pass_begins_beyond_the_homing_reverse_distance():
     """Not only the first: the target of the last clearing is not the next one's."""
     course = rig('HSHS', homing_reverse_distance=0.02, repeat=3).home(start=0.055)
-    begins = [t.position for s, t in pairwise(course.samples)
-              if s.state != t.state == 'SecondHSSearch']
+    begins = [
+        t.position for s, t in pairwise(course.samples) if s.state != t.state == 'SecondHSSearch'
+    ]
     assert begins == pytest.approx([0.04] * 3, abs=1e-3)
 
 
@@ -149,7 +167,8 @@ def test_home_is_the_mean_of_the_passes_and_their_spread_is_told():
     assert home_of(course) == pytest.approx(TRUE_HOME['HSHS'] - velocity * 0.002, abs=1e-6)
     assert outcome.passes_range == pytest.approx(velocity * 0.004, abs=1e-6)
     assert outcome.passes_deviation == pytest.approx(
-        velocity * statistics.pstdev(shifts), abs=1e-6)
+        velocity * statistics.pstdev(shifts), abs=1e-6
+    )
     assert abs(home_of(course) - TRUE_HOME['HSHS']) <= outcome.uncertainty
 
 
@@ -168,8 +187,7 @@ PULSE = 0.0633
 
 def margin_rig(edge, **changes):
     """Return an HSZPulse axis whose arming edge lies where it is told."""
-    return rig('HSZPulse', **changes).switched(
-        home_switch=SwitchLayout(edge, edge + 0.006))
+    return rig('HSZPulse', **changes).switched(home_switch=SwitchLayout(edge, edge + 0.006))
 
 
 @pytest.mark.parametrize('fraction', [0.02, 0.09, 0.11, 0.5, 0.89, 0.91, 0.98])
@@ -180,9 +198,13 @@ def test_the_index_margin_is_measured(fraction):
     assert bool(course.outcome.warnings) == (not 0.1 <= fraction <= 0.9)
 
 
-@pytest.mark.parametrize(('fraction', 'hint'), [
-    (0.04, 'move the switch 0.0046 m back against the travel'),
-    (0.96, 'move the switch 0.0046 m on along the travel')])
+@pytest.mark.parametrize(
+    ('fraction', 'hint'),
+    [
+        (0.04, 'move the switch 0.0046 m back against the travel'),
+        (0.96, 'move the switch 0.0046 m on along the travel'),
+    ],
+)
 def test_a_small_margin_says_where_the_switch_should_be(fraction, hint):
     course = margin_rig(PULSE - fraction * PITCH).home(start=0.02)
     (warning,) = course.outcome.warnings
@@ -211,8 +233,9 @@ def test_the_arm_delay_skips_the_dead_zone():
 
 
 def test_without_a_known_pitch_there_is_no_margin():
-    course = margin_rig(PULSE - 0.0004).built(
-        index_pitch=1.0, index_offset=PULSE).home(start=0.055)
+    course = (
+        margin_rig(PULSE - 0.0004).built(index_pitch=1.0, index_offset=PULSE).home(start=0.055)
+    )
     assert home_of(course) == pytest.approx(PULSE, abs=1e-9)
     assert course.outcome.index_margin is None
 
@@ -226,8 +249,10 @@ def test_a_switch_that_bounces_much_is_told(bounces, warned):
         if happening.input != 'home_switch':
             return [happening]
         times = [happening.time + 1e-4 * i for i in range(2 * bounces + 1)]
-        return [happening._replace(time=time, value=happening.value == (i % 2 == 0))
-                for i, time in enumerate(times)]
+        return [
+            happening._replace(time=time, value=happening.value == (i % 2 == 0))
+            for i, time in enumerate(times)
+        ]
 
     one = rig('HS', switch_debounce=0.002).switched(home_switch=HOME)
     course = spoilt(one, spoil).home(limit=60.0)

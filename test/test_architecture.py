@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The walls of the house: which package may import which, and what the core never touches."""
 
 import ast
@@ -10,20 +11,50 @@ import pytest
 PACKAGE = Path(__file__).resolve().parent.parent / 'homing_node'
 
 #: The rooms, from the ground up: each imports only from itself and from rooms above it here.
-ROOMS = ['procedures', 'parameters', 'core', 'course', 'plant', 'rehearsal', 'check', 'figures',
-         'ros', 'client', 'cli']
+ROOMS = [
+    'procedures',
+    'parameters',
+    'core',
+    'course',
+    'plant',
+    'rehearsal',
+    'check',
+    'figures',
+    'ros',
+    'client',
+    'cli',
+]
 #: Rooms that have no ROS, no clock, no thread and no I/O.
 PURE = ['procedures', 'core', 'course', 'check']
 #: What those may use of the standard library.
 PURE_LIBRARY = {
-    'collections', 'dataclasses', 'difflib', 'enum', 'functools', 'itertools', 'math', 're',
-    'statistics', 'types', 'typing'}
+    'collections',
+    'dataclasses',
+    'difflib',
+    'enum',
+    'functools',
+    'itertools',
+    'math',
+    're',
+    'statistics',
+    'types',
+    'typing',
+}
 #: The rooms that know ROS.
 ROS_ROOMS = ['ros', 'client']
 #: What the node never needs.
 TOOLS = {'rehearsal', 'figures', 'cli', 'client', 'course'}
-ROS = {'rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'homing_interfaces', 'rcl_interfaces',
-       'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs'}
+ROS = {
+    'rclpy',
+    'builtin_interfaces',
+    'diagnostic_msgs',
+    'homing_interfaces',
+    'rcl_interfaces',
+    'sensor_msgs',
+    'std_msgs',
+    'std_srvs',
+    'trajectory_msgs',
+}
 THIRD = {'matplotlib', 'numpy', 'rich', 'ruckig', 'yaml'}
 
 FILES = [path for path in sorted(PACKAGE.rglob('*.py')) if path != PACKAGE / '__init__.py']
@@ -46,7 +77,7 @@ def imports_of(path):
         elif isinstance(node, ast.ImportFrom) and not node.level:
             others.add(node.module.partition('.')[0])
         elif isinstance(node, ast.ImportFrom):
-            base = [*here[:len(here) - node.level + 1], *(node.module or '').split('.')]
+            base = [*here[: len(here) - node.level + 1], *(node.module or '').split('.')]
             base = [part for part in base if part]
             own |= {'/'.join([*base, alias.name]) for alias in node.names}
     return own, others
@@ -84,7 +115,7 @@ def test_every_room_is_named():
 @each_file
 def test_a_room_imports_only_from_rooms_above_it(path):
     own, _ = imports_of(path)
-    above = ROOMS[:ROOMS.index(room_of(path)) + 1]
+    above = ROOMS[: ROOMS.index(room_of(path)) + 1]
     assert {name.split('/')[0] for name in own} <= set(above)
 
 
@@ -104,13 +135,17 @@ def test_who_knows_what(path):
     assert others <= ROS | THIRD | set(sys.stdlib_module_names) - {'homing_node'}
     if room in PURE:
         assert others <= PURE_LIBRARY | {'ruckig'}
-        names = {node.id for node in ast.walk(ast.parse(path.read_text()))
-                 if isinstance(node, ast.Name)}
+        names = {
+            node.id for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Name)
+        }
         assert not names & {'open', 'print', 'exec', 'eval', '__import__'}
 
 
-@pytest.mark.parametrize('path', [path for path in FILES if room_of(path) not in ROS_ROOMS],
-                         ids=lambda p: str(p.relative_to(PACKAGE)))
+@pytest.mark.parametrize(
+    'path',
+    [path for path in FILES if room_of(path) not in ROS_ROOMS],
+    ids=lambda p: str(p.relative_to(PACKAGE)),
+)
 def test_only_the_node_and_the_client_need_ros(path):
     assert not {room_of(one) for one in needed_by(path)} & set(ROS_ROOMS)
 
@@ -122,9 +157,25 @@ def test_the_node_needs_no_tools():
 def test_the_tables_are_plain_data():
     """No lambda, no arithmetic and no comparison stands in a table."""
     tree = ast.parse((PACKAGE / 'procedures' / 'tables.py').read_text())
-    tables = [node for node in ast.walk(tree) if isinstance(node, ast.Call)
-              and getattr(node.func, 'id', '') == 'Row']
+    tables = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'Row'
+    ]
     assert len(tables) > 20
     for table in tables:
         for node in ast.walk(table):
             assert not isinstance(node, ast.Lambda | ast.BinOp | ast.Compare | ast.IfExp)
+
+
+@pytest.mark.parametrize(
+    'path',
+    [
+        p
+        for folder in ('homing_node', 'test', 'scripts', 'bench', 'launch')
+        for p in sorted((PACKAGE.parent / folder).rglob('*.py'))
+    ],
+    ids=lambda p: str(p.relative_to(PACKAGE.parent)),
+)
+def test_every_file_names_its_license(path):
+    assert '# SPDX-License-Identifier: Apache-2.0\n' in path.read_text()[:100]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The middleware tells of every message, in one process with a graph of its own."""
 
 import threading
@@ -58,8 +59,11 @@ def take(subscription):
 
 def test_each_message_is_told_of(graph):
     """Nobody looks at anything before he is told, a few hundred times."""
-    inputs = [graph.input('home_switch'), graph.input('z_pulse', Float64),
-              graph.input('limit', qos=LATCHED)]
+    inputs = [
+        graph.input('home_switch'),
+        graph.input('z_pulse', Float64),
+        graph.input('limit', qos=LATCHED),
+    ]
     assert graph.arrivals.pending()  # of what may have come before
     assert graph.is_silent()
     for publisher, subscription in inputs * 100:

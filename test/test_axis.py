@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One axis: what it refuses, what ends a run, and what it tells."""
 
 import dataclasses
@@ -115,7 +116,8 @@ def test_feedback_must_be_fresh():
     outcome = refused(axis(), now=0.25)
     assert outcome.error is Error.FeedbackStale
     assert outcome.message == (
-        'axis x: the feedback is 0.250 s old, more than 0.2 s (feedback_timeout)')
+        'axis x: the feedback is 0.250 s old, more than 0.2 s (feedback_timeout)'
+    )
 
 
 def test_an_age_counts_from_the_arrival():
@@ -274,11 +276,15 @@ def test_homing_again_after_a_cancel():
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(('stop', 'error'), [
-    (lambda axis: axis.set_emergency_stop(True), Error.EmergencyStop),
-    (lambda axis: axis.stop(Error.CycleLate, 'the cycle was late'), Error.CycleLate),
-    (lambda axis: axis.stop(Error.SwitchStale, 'its publisher is gone'), Error.SwitchStale),
-], ids=['emergency stop', 'late cycle', 'publisher gone'])
+@pytest.mark.parametrize(
+    ('stop', 'error'),
+    [
+        (lambda axis: axis.set_emergency_stop(True), Error.EmergencyStop),
+        (lambda axis: axis.stop(Error.CycleLate, 'the cycle was late'), Error.CycleLate),
+        (lambda axis: axis.stop(Error.SwitchStale, 'its publisher is gone'), Error.SwitchStale),
+    ],
+    ids=['emergency stop', 'late cycle', 'publisher gone'],
+)
 def test_a_fault_stops_with_ls_dec(direction, stop, error):
     made = underway(direction, ls_dec=10)
     before = len(made.course.samples)
@@ -315,9 +321,14 @@ def test_a_fault_during_a_cancel_brakes_harder():
 @pytest.mark.parametrize('ls_type', ['Dec', 'ServoOff'])
 def test_the_limit_that_a_search_waits_for_acts_on_a_cancel(home_type, ls_type, direction):
     """What would have been the reversal or the reference is a limit for an axis that stops."""
-    one = rig(home_type, ls_type=ls_type, homing_velocity_slow=0.2, homing_velocity_slow_dec=0.2,
-              homing_velocity_fast_dec=0.2, multiple_z_pulse=100).switched(
-        **{LIMIT_AHEAD: SwitchLayout(0.04, 1.0)})
+    one = rig(
+        home_type,
+        ls_type=ls_type,
+        homing_velocity_slow=0.2,
+        homing_velocity_slow_dec=0.2,
+        homing_velocity_fast_dec=0.2,
+        multiple_z_pulse=100,
+    ).switched(**{LIMIT_AHEAD: SwitchLayout(0.04, 1.0)})
     made = one.rehearsal(direction, 0.01)
     made.axis.home(made.time)
     while made.plant.position * direction < 0.039:
@@ -395,8 +406,11 @@ def test_after_servo_off_at_rest_the_command_starts_at_the_feedback(drive):
 
 def test_after_a_limit_has_switched_the_servo_off_the_command_starts_at_the_feedback():
     """Also where the axis was stopped before that."""
-    made = rig('ZPulse', ls_type='DecServoOff', homing_velocity_slow=0.2).built(
-        index_pitch=0.0).rehearsal()
+    made = (
+        rig('ZPulse', ls_type='DecServoOff', homing_velocity_slow=0.2)
+        .built(index_pitch=0.0)
+        .rehearsal()
+    )
     assert error_of(made.home()) is Error.LSTriggered
     made.axis.set_servo(True)
     beside = rest_beside(made)
@@ -491,8 +505,11 @@ def test_a_stale_switch_ends_a_run():
 @pytest.mark.parametrize('delay', [0.0, 0.05])
 @pytest.mark.parametrize('lag', [0.0, 0.02])
 def test_a_run_ends_when_the_feedback_has_settled(rate, delay, lag):
-    one = rig('HS', following_error=0.05).built(lag=lag).but(
-        Transport(feedback_rate=rate, feedback_delay=delay))
+    one = (
+        rig('HS', following_error=0.05)
+        .built(lag=lag)
+        .but(Transport(feedback_rate=rate, feedback_delay=delay))
+    )
     made = one.rehearsal()
     course = made.home()
     assert course.outcome.success
@@ -503,8 +520,11 @@ def test_a_run_ends_when_the_feedback_has_settled(rate, delay, lag):
 
 @BOTH_WAYS
 def test_every_run_waits_until_the_feedback_has_settled(direction):
-    made = rig('HS', homing_reverse_distance=0.045, homing_velocity_fast=0.1).built(
-        lag=0.02).rehearsal(direction)
+    made = (
+        rig('HS', homing_reverse_distance=0.045, homing_velocity_fast=0.1)
+        .built(lag=0.02)
+        .rehearsal(direction)
+    )
     for _ in range(2):
         course = made.home()
         assert abs(made.plant.position - course.samples[-1].position) < 1e-5
@@ -514,7 +534,8 @@ def test_settling_takes_half_a_second_at_most():
     made = rig('HS').rehearsal()
     noise = iter(range(10**6))
     made._send_feedback = lambda time, position: made.axis.feedback(
-        time, position + 1e-5 * (next(noise) % 2))
+        time, position + 1e-5 * (next(noise) % 2)
+    )
     course = made.home()
     assert course.outcome.success
     rest = [s for s in course.samples[-200:] if s.velocity == 0.0 and s.state == State.HomeShift]
@@ -655,8 +676,10 @@ def test_bounces_from_before_a_run_are_not_told():
 
 # -- the torque limit ---------------------------------------------------------------------------
 
-TORQUES = {'mechanical_end_detection_first_torque_limit': 40,
-           'mechanical_end_detection_second_torque_limit': 10}
+TORQUES = {
+    'mechanical_end_detection_first_torque_limit': 40,
+    'mechanical_end_detection_second_torque_limit': 10,
+}
 
 
 def torque_limits(made):
@@ -675,21 +698,31 @@ def torque_limits(made):
 def test_the_second_torque_limit_holds_from_the_touch_of_the_end(direction):
     """Already while the end is detected."""
     made = rig('MechanicalEndDetection', mechanical_end_detection_time=0.1, **TORQUES).rehearsal(
-        direction)
+        direction
+    )
     assert torque_limits(made) == [
-        ('MechanicalEndDetection', 40.0), ('MechanicalEndDetection', 10.0), ('HomeShift', 10.0),
-        ('Idle', 0.0)]
+        ('MechanicalEndDetection', 40.0),
+        ('MechanicalEndDetection', 10.0),
+        ('HomeShift', 10.0),
+        ('Idle', 0.0),
+    ]
 
 
 def test_without_a_second_torque_limit_the_first_one_stays():
     one = rig('MechanicalEndDetection', mechanical_end_detection_first_torque_limit=40)
     assert torque_limits(one.rehearsal()) == [
-        ('MechanicalEndDetection', 40.0), ('HomeShift', 40.0), ('Idle', 0.0)]
+        ('MechanicalEndDetection', 40.0),
+        ('HomeShift', 40.0),
+        ('Idle', 0.0),
+    ]
 
 
 def test_no_torque_limit_without_a_mechanical_end():
     assert torque_limits(rig('HS', **TORQUES).rehearsal()) == [
-        ('HSSearch', 0.0), ('HomeShift', 0.0), ('Idle', 0.0)]
+        ('HSSearch', 0.0),
+        ('HomeShift', 0.0),
+        ('Idle', 0.0),
+    ]
 
 
 # -- configuration ------------------------------------------------------------------------------
@@ -719,9 +752,13 @@ def test_a_new_direction_turns_the_feedback():
     made = rig('HS').rehearsal()
     made.home()
     raw = made.axis.raw_position
-    made.axis.configure(dataclasses.replace(
-        made.axis.parameters, home_type=HomeType.CurrentPos,
-        home_direction=AxisParameters(home_type=HomeType.HS, travel=1.0).home_direction))
+    made.axis.configure(
+        dataclasses.replace(
+            made.axis.parameters,
+            home_type=HomeType.CurrentPos,
+            home_direction=AxisParameters(home_type=HomeType.HS, travel=1.0).home_direction,
+        )
+    )
     assert made.axis.raw_position == raw
     made.axis.configure(rig('CurrentPos').parameters(-1))
     assert made.axis.raw_position == raw
@@ -816,8 +853,11 @@ def test_a_periodic_switch_is_as_old_as_the_step_back():
     assert refused(made, time).error is Error.SwitchStale
 
 
-@pytest.mark.parametrize('since, error', [
-    (-0.01, Error.NoError), (0.01, Error.CycleLate)], ids=['before the run', 'in the run'])
+@pytest.mark.parametrize(
+    'since, error',
+    [(-0.01, Error.NoError), (0.01, Error.CycleLate)],
+    ids=['before the run', 'in the run'],
+)
 def test_a_hold_up_ends_the_runs_that_missed_a_cycle(since, error):
     made = underway()
     made.axis.held_up(made.time + since, 'a cycle was late')

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The benchmarks run and give their figures; an axis in a search does not gather memory."""
 
 import subprocess
@@ -24,7 +25,11 @@ FIGURES = {
 def test_a_benchmark_gives_its_figures(name):
     ran = subprocess.run(
         [sys.executable, BENCH, name, '--quick', '--markdown'],
-        capture_output=True, text=True, timeout=120, check=False)
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert ran.returncode == 0, ran.stderr
     rows = [line.split(' | ') for line in ran.stdout.splitlines() if line.startswith('| ')]
     assert rows[0][0] == '| figure'

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every finding: a configuration and a layout that have it, and that the good one has not."""
 
 from dataclasses import dataclass, field, replace
@@ -28,9 +29,14 @@ HS, AHEAD, BEHIND = 'home_switch', 'positive_limit_switch', 'negative_limit_swit
 NEAR = 'near_positive_limit_switch'
 
 VALUES = {
-    'home_type': 'HSHS', 'travel': 0.2, 'homing_velocity_fast': 0.05,
-    'homing_velocity_fast_acc': 0.5, 'homing_velocity_fast_dec': 0.5,
-    'homing_velocity_slow': 0.005, 'homing_reverse_distance': 0.002, 'max_jerk': 100.0,
+    'home_type': 'HSHS',
+    'travel': 0.2,
+    'homing_velocity_fast': 0.05,
+    'homing_velocity_fast_acc': 0.5,
+    'homing_velocity_fast_dec': 0.5,
+    'homing_velocity_slow': 0.005,
+    'homing_reverse_distance': 0.002,
+    'max_jerk': 100.0,
 }
 FLAGS = {
     HS: SwitchLayout(0.15, 0.16, 0.0001),
@@ -41,11 +47,19 @@ LAYOUT = AxisLayout((0.0, 0.2), FLAGS, index_pitch=0.01, index_offset=0.004, lag
 BOTH = [AHEAD, BEHIND]
 Z = [HS, AHEAD, BEHIND, 'z_pulse']
 PROBE = [HS, AHEAD, BEHIND, 'touch_probe']
-END = {'home_type': 'MechanicalEndDetection', 'mechanical_end_detection_pos_diff': 0.002,
-       'mechanical_end_detection_first_torque_limit': 30.0, 'switches': [BEHIND]}
+END = {
+    'home_type': 'MechanicalEndDetection',
+    'mechanical_end_detection_pos_diff': 0.002,
+    'mechanical_end_detection_first_torque_limit': 30.0,
+    'switches': [BEHIND],
+}
 #: The external limit switch is the reference; the one behind it switches the servo off.
-SERVO_OFF = {'home_type': 'ExternalLS', 'external_ls_type': 'Dec', 'ls_type': 'ServoOff',
-             'switches': [*BOTH, 'external_positive_limit_switch']}
+SERVO_OFF = {
+    'home_type': 'ExternalLS',
+    'external_ls_type': 'Dec',
+    'ls_type': 'ServoOff',
+    'switches': [*BOTH, 'external_positive_limit_switch'],
+}
 SERVO_OFF_FLAGS = {'external_positive_limit_switch': SwitchLayout(0.184, inf)}
 
 
@@ -88,6 +102,7 @@ def mirrored_values(values):
         if 'positive' in text:
             return text.replace('positive', 'negative')
         return text.replace('negative', 'positive')
+
     changed = {other(name): value for name, value in values.items()}
     if 'switches' in changed:
         changed['switches'] = [other(name) for name in changed['switches']]
@@ -99,46 +114,101 @@ WITHOUT = [  # no layout is needed
     Case('wired-unused', INFO, {'switches': Z}, right='without z_pulse'),
     Case('limit-disabled', WARNING, {'switches': [HS, *BOTH, NEAR]}, right='Dec'),
     Case('limit-not-wired', WARNING, {'near_ls_type': 'Dec'}),
-    Case('end-unguarded', INFO, {'switches': [HS, BEHIND]}, layout=False,
-         right=f'with {AHEAD}', words='ahead'),
-    Case('end-unguarded', INFO, {'switches': [HS, AHEAD]}, layout=False,
-         right=f'with {BEHIND}', words='behind'),
+    Case(
+        'end-unguarded',
+        INFO,
+        {'switches': [HS, BEHIND]},
+        layout=False,
+        right=f'with {AHEAD}',
+        words='ahead',
+    ),
+    Case(
+        'end-unguarded',
+        INFO,
+        {'switches': [HS, AHEAD]},
+        layout=False,
+        right=f'with {BEHIND}',
+        words='behind',
+    ),
     Case('limit-without-action', WARNING, {'ls_type': 'None'}, layout=False, words='behind'),
-    Case('limit-without-action', WARNING,
-         {'ls_type': 'None', 'home_type': 'TouchProbe', 'switches': PROBE}, layout=False,
-         words='ahead'),
+    Case(
+        'limit-without-action',
+        WARNING,
+        {'ls_type': 'None', 'home_type': 'TouchProbe', 'switches': PROBE},
+        layout=False,
+        words='ahead',
+    ),
     Case('stop-longer-than-travel', ERROR, {'homing_velocity_fast': 0.6}, right=0.44),
     Case('jerk-decides', INFO, {'max_jerk': 4.0}, words='homing_velocity_fast_dec', right=5.0),
     Case('soft-ls-dec', WARNING, {'ls_dec': 0.4}, right=0.5),
     Case('hard-ls-slow-dec', WARNING, {'ls_slow_dec': 1.5}, right=1.0),
     Case('search-bound', WARNING, {'max_search_distance': 0.15}, layout=False, right=0.22),
-    Case('ls-reverse-bound', WARNING, {'max_ls_reverse_distance': 0.002}, layout=False,
-         right=0.2),
+    Case('ls-reverse-bound', WARNING, {'max_ls_reverse_distance': 0.002}, layout=False, right=0.2),
     Case('timeout', WARNING, {'timeout': 3.9}, layout=False, right=0.0),
     Case('parameter-unused', INFO, {'multiple_z_pulse': 2}, words='uses no Z-pulse'),
-    Case('parameter-unused', INFO,
-         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.01},
-         words='only one'),
-    Case('z-pulse-bound', ERROR,
-         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.02,
-          'multiple_z_pulse': 2, 'max_z_pulse_distance': 0.015}, layout=False, right=0.024),
-    Case('z-pulse-count', ERROR,
-         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.02,
-          'multiple_z_pulse': 30}, layout=False, right=12.0),
-    Case('end-following-error', ERROR,
-         {**END, 'mechanical_end_detection_time': 6.0}, right=0.039),
+    Case(
+        'parameter-unused',
+        INFO,
+        {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.01},
+        words='only one',
+    ),
+    Case(
+        'z-pulse-bound',
+        ERROR,
+        {
+            'home_type': 'HSZPulse',
+            'switches': Z,
+            'z_pulse_distance_check': 0.02,
+            'multiple_z_pulse': 2,
+            'max_z_pulse_distance': 0.015,
+        },
+        layout=False,
+        right=0.024,
+    ),
+    Case(
+        'z-pulse-count',
+        ERROR,
+        {
+            'home_type': 'HSZPulse',
+            'switches': Z,
+            'z_pulse_distance_check': 0.02,
+            'multiple_z_pulse': 30,
+        },
+        layout=False,
+        right=12.0,
+    ),
+    Case('end-following-error', ERROR, {**END, 'mechanical_end_detection_time': 6.0}, right=0.039),
     Case('end-torque', WARNING, {**END, 'mechanical_end_detection_first_torque_limit': 0.0}),
     Case('end-behind-limit', WARNING, {**END, 'switches': BOTH}, layout=False, right=True),
-    Case('feedback-timeout', ERROR, {'feedback_timeout': 0.01},
-         timing=Timing(feedback_rate=100.0), right=0.05),
-    Case('feedback-timeout', WARNING, {'feedback_timeout': 0.015},
-         timing=Timing(feedback_rate=100.0), right=0.05),
+    Case(
+        'feedback-timeout',
+        ERROR,
+        {'feedback_timeout': 0.01},
+        timing=Timing(feedback_rate=100.0),
+        right=0.05,
+    ),
+    Case(
+        'feedback-timeout',
+        WARNING,
+        {'feedback_timeout': 0.015},
+        timing=Timing(feedback_rate=100.0),
+        right=0.05,
+    ),
     Case('accuracy', WARNING, timing=Timing(feedback_rate=100.0, accuracy=1e-6), right=0.0005),
-    Case('edge-tolerance', WARNING, {'edge_tolerance': 1e-5},
-         timing=Timing(feedback_rate=100.0), right=1e-4),
+    Case(
+        'edge-tolerance',
+        WARNING,
+        {'edge_tolerance': 1e-5},
+        timing=Timing(feedback_rate=100.0),
+        right=1e-4,
+    ),
     Case('second-pass-fast', INFO, {'homing_velocity_slow': 0.05}, right=0.005),
-    Case('run-up', WARNING, {'homing_velocity_slow': 0.05, 'homing_velocity_slow_acc': 0.3},
-         right=0.0043),
+    Case(
+        'run-up',
+        WARNING,
+        {'homing_velocity_slow': 0.05, 'homing_velocity_slow_acc': 0.3},
+        right=0.0043,
+    ),
 ]
 
 WITH = [
@@ -146,175 +216,447 @@ WITH = [
     Case('fitted-unwired', INFO, right='with z_pulse'),
     Case('place-unknown', INFO, flags={BEHIND: None}, words=BEHIND),
     Case('place-unknown', WARNING, flags={HS: None}, words=HS),
-    Case('place-unknown', WARNING, {'home_type': 'HSZPulse', 'switches': Z},
-         layout={'index_pitch': 0.0}, words='z_pulse'),
+    Case(
+        'place-unknown',
+        WARNING,
+        {'home_type': 'HSZPulse', 'switches': Z},
+        layout={'index_pitch': 0.0},
+        words='z_pulse',
+    ),
     Case('polarity', ERROR, flags={HS: SwitchLayout(0.15, 0.16, 0.0, True)}, right=True),
     Case('polarity', ERROR, {'invert_positive_ls_polarity': True}, right=False),
     Case('travel', WARNING, {'travel': 0.3}, right=0.2),
     Case('limits-swapped', ERROR, {'ls_direction': 'Reverse'}, right='Normal'),
-    Case('limits-swapped', ERROR,
-         flags={AHEAD: SwitchLayout(-inf, 0.01), BEHIND: SwitchLayout(0.185, inf)},
-         right='Reverse'),
-    Case('limits-swapped', ERROR, {'switches': [HS, AHEAD]},
-         flags={AHEAD: SwitchLayout(-inf, 0.01)}, right='Reverse'),
+    Case(
+        'limits-swapped',
+        ERROR,
+        flags={AHEAD: SwitchLayout(-inf, 0.01), BEHIND: SwitchLayout(0.185, inf)},
+        right='Reverse',
+    ),
+    Case(
+        'limits-swapped',
+        ERROR,
+        {'switches': [HS, AHEAD]},
+        flags={AHEAD: SwitchLayout(-inf, 0.01)},
+        right='Reverse',
+    ),
     Case('limits-overlap', ERROR, flags={BEHIND: SwitchLayout(-inf, 0.19)}),
     Case('limit-beyond-stop', ERROR, flags={AHEAD: SwitchLayout(0.21, inf)}),
     Case('limit-momentary', WARNING, flags={AHEAD: SwitchLayout(0.185, 0.197)}, right=0.2),
     Case('home-switch-place', ERROR, flags={HS: SwitchLayout(0.186, 0.19)}, words='ahead'),
     Case('home-switch-place', ERROR, flags={HS: SwitchLayout(0.005, 0.02)}, words='behind'),
-    Case('home-switch-place', ERROR, {'home_type': 'HSOff'},
-         flags={HS: SwitchLayout(0.17, 0.185)}, words='ahead'),
-    Case('home-switch-place', ERROR,
-         {**END, 'home_type': 'MechanicalEndDetectionHS', 'switches': [HS, BEHIND]},
-         flags={HS: SwitchLayout(0.21, 0.22), AHEAD: None}, words='hard stop ahead'),
+    Case(
+        'home-switch-place',
+        ERROR,
+        {'home_type': 'HSOff'},
+        flags={HS: SwitchLayout(0.17, 0.185)},
+        words='ahead',
+    ),
+    Case(
+        'home-switch-place',
+        ERROR,
+        {**END, 'home_type': 'MechanicalEndDetectionHS', 'switches': [HS, BEHIND]},
+        flags={HS: SwitchLayout(0.21, 0.22), AHEAD: None},
+        words='hard stop ahead',
+    ),
     Case('direction', INFO, flags={HS: SwitchLayout(0.05, 0.06)}, right='Negative'),
     Case('direction', WARNING, flags={HS: SwitchLayout(0.015, 0.02)}, right='Negative'),
     Case('shift-into-stop', ERROR, {'home_shift_distance': 0.06}, right=0.047),
     Case('shift-into-limit', ERROR, {'home_shift_distance': 0.04}, right=0.033, words=AHEAD),
     Case('shift-into-limit', ERROR, {'home_shift_distance': -0.145}, right=-0.13, words=BEHIND),
-    Case('shift-into-limit', ERROR,
-         {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe']},
-         flags={BEHIND: SwitchLayout(-inf, 0.03)}, layout={'touch_probe': 0.02}, right=0.011,
-         words=BEHIND),
-    Case('shift-into-limit', WARNING, {'home_shift_distance': 0.035}, right=0.033,
-         words='0 m beyond'),
-    Case('shift-from-anywhere', WARNING,
-         {'home_type': 'CurrentPos', 'switches': BOTH, 'home_shift_distance': -0.05},
-         words=BEHIND),
-    Case('shift-from-anywhere', WARNING,
-         {'home_type': 'ZPulse', 'switches': [*BOTH, 'z_pulse'], 'home_shift_distance': 0.02},
-         words=AHEAD),
-    Case('hard-stop', ERROR,
-         {'home_type': 'CurrentPos', 'switches': BOTH, 'home_shift_distance': -0.05,
-          'home_shift_velocity': 0.2, 'max_jerk': 10.0}, words='behind'),
-    Case('end-unguarded', ERROR,
-         {'home_type': 'CurrentPos', 'switches': [BEHIND], 'home_shift_distance': 0.05},
-         flags={AHEAD: None}, right=f'with {AHEAD}'),
-    Case('home-switch-place', ERROR,
-         {**END, 'home_type': 'MechanicalEndDetectionHS', 'switches': [HS, BEHIND]},
-         flags={HS: SwitchLayout(0.005, 0.009), AHEAD: None}, words='limit switch behind'),
+    Case(
+        'shift-into-limit',
+        ERROR,
+        {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe']},
+        flags={BEHIND: SwitchLayout(-inf, 0.03)},
+        layout={'touch_probe': 0.02},
+        right=0.011,
+        words=BEHIND,
+    ),
+    Case(
+        'shift-into-limit',
+        WARNING,
+        {'home_shift_distance': 0.035},
+        right=0.033,
+        words='0 m beyond',
+    ),
+    Case(
+        'shift-from-anywhere',
+        WARNING,
+        {'home_type': 'CurrentPos', 'switches': BOTH, 'home_shift_distance': -0.05},
+        words=BEHIND,
+    ),
+    Case(
+        'shift-from-anywhere',
+        WARNING,
+        {'home_type': 'ZPulse', 'switches': [*BOTH, 'z_pulse'], 'home_shift_distance': 0.02},
+        words=AHEAD,
+    ),
+    Case(
+        'hard-stop',
+        ERROR,
+        {
+            'home_type': 'CurrentPos',
+            'switches': BOTH,
+            'home_shift_distance': -0.05,
+            'home_shift_velocity': 0.2,
+            'max_jerk': 10.0,
+        },
+        words='behind',
+    ),
+    Case(
+        'end-unguarded',
+        ERROR,
+        {'home_type': 'CurrentPos', 'switches': [BEHIND], 'home_shift_distance': 0.05},
+        flags={AHEAD: None},
+        right=f'with {AHEAD}',
+    ),
+    Case(
+        'home-switch-place',
+        ERROR,
+        {**END, 'home_type': 'MechanicalEndDetectionHS', 'switches': [HS, BEHIND]},
+        flags={HS: SwitchLayout(0.005, 0.009), AHEAD: None},
+        words='limit switch behind',
+    ),
     Case('hard-stop', ERROR, {'homing_velocity_fast': 0.15}, right=0.11, words='ahead'),
-    Case('hard-stop', WARNING, {'ls_dec': 0.1, 'homing_velocity_fast_dec': 0.1},
-         words='misses its switch'),
-    Case('hard-stop', ERROR,
-         {'switches': [HS, AHEAD], 'homing_velocity_fast': 0.1, 'homing_velocity_fast_acc': 0.3},
-         flags={HS: SwitchLayout(0.015, 0.025), BEHIND: None}, words='behind'),
-    Case('next-tier', WARNING, {**SERVO_OFF, 'homing_velocity_fast_dec': 0.05},
-         flags=SERVO_OFF_FLAGS, words='it then brakes with ls_dec'),
-    Case('next-tier', WARNING,
-         {'home_type': 'TouchProbe', 'switches': [*BOTH, NEAR, 'touch_probe'],
-          'near_ls_type': 'SlowDec', 'ls_type': 'ServoOff', 'homing_velocity_slow': 0.05},
-         flags={NEAR: SwitchLayout(0.184, inf)}, layout={'touch_probe': 0.1},
-         words='that one switches the servo off'),
-    Case('hard-stop', ERROR,
-         {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe'], 'ls_dec': 0.05,
-          'homing_velocity_slow': 0.05, 'homing_velocity_slow_dec': 0.05},
-         flags={HS: None}, layout={'touch_probe': 0.184}, words='after the touch probe'),
-    Case('hard-stop', ERROR, {'switches': [HS, BEHIND]},
-         flags={AHEAD: None, HS: SwitchLayout(0.199, 0.21)}, words='home switch rises'),
-    Case('end-unguarded', ERROR, {'switches': [HS, BEHIND]}, flags={AHEAD: None},
-         right=f'with {AHEAD}'),
-    Case('end-unguarded', ERROR, {'home_type': 'ZPulse', 'switches': ['z_pulse']},
-         flags={AHEAD: None, BEHIND: None}, words='ahead'),
-    Case('end-unguarded', WARNING, {'switches': [HS, BEHIND]},
-         flags={AHEAD: None, HS: SwitchLayout(0.15, inf)}, words='ahead'),
+    Case(
+        'hard-stop',
+        WARNING,
+        {'ls_dec': 0.1, 'homing_velocity_fast_dec': 0.1},
+        words='misses its switch',
+    ),
+    Case(
+        'hard-stop',
+        ERROR,
+        {'switches': [HS, AHEAD], 'homing_velocity_fast': 0.1, 'homing_velocity_fast_acc': 0.3},
+        flags={HS: SwitchLayout(0.015, 0.025), BEHIND: None},
+        words='behind',
+    ),
+    Case(
+        'next-tier',
+        WARNING,
+        {**SERVO_OFF, 'homing_velocity_fast_dec': 0.05},
+        flags=SERVO_OFF_FLAGS,
+        words='it then brakes with ls_dec',
+    ),
+    Case(
+        'next-tier',
+        WARNING,
+        {
+            'home_type': 'TouchProbe',
+            'switches': [*BOTH, NEAR, 'touch_probe'],
+            'near_ls_type': 'SlowDec',
+            'ls_type': 'ServoOff',
+            'homing_velocity_slow': 0.05,
+        },
+        flags={NEAR: SwitchLayout(0.184, inf)},
+        layout={'touch_probe': 0.1},
+        words='that one switches the servo off',
+    ),
+    Case(
+        'hard-stop',
+        ERROR,
+        {
+            'home_type': 'TouchProbe',
+            'switches': [*BOTH, 'touch_probe'],
+            'ls_dec': 0.05,
+            'homing_velocity_slow': 0.05,
+            'homing_velocity_slow_dec': 0.05,
+        },
+        flags={HS: None},
+        layout={'touch_probe': 0.184},
+        words='after the touch probe',
+    ),
+    Case(
+        'hard-stop',
+        ERROR,
+        {'switches': [HS, BEHIND]},
+        flags={AHEAD: None, HS: SwitchLayout(0.199, 0.21)},
+        words='home switch rises',
+    ),
+    Case(
+        'end-unguarded',
+        ERROR,
+        {'switches': [HS, BEHIND]},
+        flags={AHEAD: None},
+        right=f'with {AHEAD}',
+    ),
+    Case(
+        'end-unguarded',
+        ERROR,
+        {'home_type': 'ZPulse', 'switches': ['z_pulse']},
+        flags={AHEAD: None, BEHIND: None},
+        words='ahead',
+    ),
+    Case(
+        'end-unguarded',
+        WARNING,
+        {'switches': [HS, BEHIND]},
+        flags={AHEAD: None, HS: SwitchLayout(0.15, inf)},
+        words='ahead',
+    ),
     Case('end-unguarded', WARNING, {'ls_type': 'None'}, right='Dec', words='behind'),
     Case('coasting', WARNING, {'ls_type': 'ServoOff'}, right='DecServoOff', words=BEHIND),
-    Case('next-tier', WARNING,
-         {'home_type': 'NearLS', 'switches': [*BOTH, NEAR], 'near_ls_type': 'Dec'},
-         flags={NEAR: SwitchLayout(0.183, inf)}, words=AHEAD),
+    Case(
+        'next-tier',
+        WARNING,
+        {'home_type': 'NearLS', 'switches': [*BOTH, NEAR], 'near_ls_type': 'Dec'},
+        flags={NEAR: SwitchLayout(0.183, inf)},
+        words=AHEAD,
+    ),
     Case('next-tier', WARNING, flags={HS: SwitchLayout(0.183, 0.184)}, words='home switch rises'),
     Case('reverse-into-limit', ERROR, {'homing_reverse_distance': 0.15}, right=0.13),
-    Case('reverse-into-limit', ERROR, {'homing_velocity_fast': 0.09},
-         flags={HS: SwitchLayout(0.015, 0.06)}, words='home switch falls'),
-    Case('reverse-into-limit', ERROR,
-         {'homing_velocity_fast': 0.09, 'homing_velocity_fast_acc': 0.3,
-          'homing_velocity_fast_dec': 1.0},
-         flags={HS: SwitchLayout(0.02, 0.06)}, words='home switch falls'),
-    Case('reverse-into-limit', ERROR,
-         {'home_type': 'HSReverseZPulse', 'switches': Z, 'homing_velocity_slow': 0.05},
-         layout={'index_offset': 0.001}, flags={BEHIND: SwitchLayout(-inf, 0.1405)},
-         words='after the Z-pulse'),
+    Case(
+        'reverse-into-limit',
+        ERROR,
+        {'homing_velocity_fast': 0.09},
+        flags={HS: SwitchLayout(0.015, 0.06)},
+        words='home switch falls',
+    ),
+    Case(
+        'reverse-into-limit',
+        ERROR,
+        {
+            'homing_velocity_fast': 0.09,
+            'homing_velocity_fast_acc': 0.3,
+            'homing_velocity_fast_dec': 1.0,
+        },
+        flags={HS: SwitchLayout(0.02, 0.06)},
+        words='home switch falls',
+    ),
+    Case(
+        'reverse-into-limit',
+        ERROR,
+        {'home_type': 'HSReverseZPulse', 'switches': Z, 'homing_velocity_slow': 0.05},
+        layout={'index_offset': 0.001},
+        flags={BEHIND: SwitchLayout(-inf, 0.1405)},
+        words='after the Z-pulse',
+    ),
     Case('end-behind-limit', ERROR, {**END, 'switches': BOTH}, right=True),
-    Case('flag-debounce', ERROR, {'switch_debounce': 0.01},
-         flags={HS: SwitchLayout(0.15, 0.1503)}, right=0.003),
-    Case('flag-debounce', ERROR, {'switch_debounce': 0.01},
-         flags={AHEAD: SwitchLayout(0.185, 0.1853)}, words=AHEAD),
+    Case(
+        'flag-debounce',
+        ERROR,
+        {'switch_debounce': 0.01},
+        flags={HS: SwitchLayout(0.15, 0.1503)},
+        right=0.003,
+    ),
+    Case(
+        'flag-debounce',
+        ERROR,
+        {'switch_debounce': 0.01},
+        flags={AHEAD: SwitchLayout(0.185, 0.1853)},
+        words=AHEAD,
+    ),
     Case('flag-narrow', INFO, flags={HS: SwitchLayout(0.15, 0.152)}),
     Case('ls-reverse-bound', ERROR, {'max_ls_reverse_distance': 0.036}, right=0.053),
     Case('ls-reverse-bound', WARNING, {'max_ls_reverse_distance': 0.045}, right=0.053),
-    Case('ls-reverse-bound', WARNING,
-         {'home_type': 'LS', 'max_ls_reverse_distance': 0.01}, right=0.016),
+    Case(
+        'ls-reverse-bound',
+        WARNING,
+        {'home_type': 'LS', 'max_ls_reverse_distance': 0.01},
+        right=0.016,
+    ),
     Case('hs-reverse-bound', ERROR, {'max_hs_on_at_start_reverse_distance': 0.01}, right=0.011),
     Case('search-bound', ERROR, {'max_search_distance': 0.13}, right=0.16),
     Case('search-bound', WARNING, {'max_search_distance': 0.145}, right=0.16),
     Case('timeout', ERROR, {'timeout': 2.7}, right=0.0, words='the far end'),
-    Case('timeout', ERROR, {'timeout': 3.1, 'homing_velocity_slow': 0.004,
-                            'home_shift_distance': -0.01, 'home_shift_velocity': 0.02},
-         right=0.0),
-    Case('timeout', ERROR, {'timeout': 1.0}, flags={HS: SwitchLayout(0.02, 0.03)},
-         words='beyond the home switch'),
+    Case(
+        'timeout',
+        ERROR,
+        {
+            'timeout': 3.1,
+            'homing_velocity_slow': 0.004,
+            'home_shift_distance': -0.01,
+            'home_shift_velocity': 0.02,
+        },
+        right=0.0,
+    ),
+    Case(
+        'timeout',
+        ERROR,
+        {'timeout': 1.0},
+        flags={HS: SwitchLayout(0.02, 0.03)},
+        words='beyond the home switch',
+    ),
     Case('timeout', ERROR, {'timeout': 3.5, 'repeat': 3}),
-    Case('timeout', ERROR, {'home_type': 'LSReverseZPulse', 'switches': [*BOTH, 'z_pulse'],
-                            'timeout': 3.6, 'homing_velocity_slow': 0.001}),
-    Case('flag-debounce', WARNING, {'switch_debounce': 0.01},
-         flags={BEHIND: SwitchLayout(0.0097, 0.01)}, words=BEHIND),
-    Case('z-pulse-check', ERROR,
-         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_distance_check': 0.02,
-          'multiple_z_pulse': 2}, right=0.01),
-    Case('z-pulse-bound', ERROR,
-         {'home_type': 'HSZPulse', 'switches': Z, 'max_z_pulse_distance': 0.003}, right=0.012),
-    Case('z-pulse-bound', WARNING,
-         {'home_type': 'HSZPulse', 'switches': Z, 'max_z_pulse_distance': 0.009}, right=0.012),
+    Case(
+        'timeout',
+        ERROR,
+        {
+            'home_type': 'LSReverseZPulse',
+            'switches': [*BOTH, 'z_pulse'],
+            'timeout': 3.6,
+            'homing_velocity_slow': 0.001,
+        },
+    ),
+    Case(
+        'flag-debounce',
+        WARNING,
+        {'switch_debounce': 0.01},
+        flags={BEHIND: SwitchLayout(0.0097, 0.01)},
+        words=BEHIND,
+    ),
+    Case(
+        'z-pulse-check',
+        ERROR,
+        {
+            'home_type': 'HSZPulse',
+            'switches': Z,
+            'z_pulse_distance_check': 0.02,
+            'multiple_z_pulse': 2,
+        },
+        right=0.01,
+    ),
+    Case(
+        'z-pulse-bound',
+        ERROR,
+        {'home_type': 'HSZPulse', 'switches': Z, 'max_z_pulse_distance': 0.003},
+        right=0.012,
+    ),
+    Case(
+        'z-pulse-bound',
+        WARNING,
+        {'home_type': 'HSZPulse', 'switches': Z, 'max_z_pulse_distance': 0.009},
+        right=0.012,
+    ),
     Case('index-ambiguous', WARNING, {'home_type': 'ZPulse', 'switches': [*BOTH, 'z_pulse']}),
-    Case('index-margin', WARNING, {'home_type': 'HSZPulse', 'switches': Z},
-         layout={'index_offset': 0.0005}, right=0.0055, words='by 0.0045 m toward negative'),
-    Case('index-margin', WARNING, {'home_type': 'HSReverseZPulse', 'switches': Z},
-         layout={'index_offset': 0.0003}, right=0.0046, words='by 0.0046 m toward negative'),
-    Case('index-margin', ERROR,
-         {'home_type': 'HSZPulse', 'switches': Z, 'index_margin_action': 'Fail'},
-         layout={'index_offset': 0.0005}),
-    Case('index-margin', WARNING,
-         {**END, 'home_type': 'MechanicalEndDetectionReverseZPulse', 'index_margin_action': 'Fail',
-          'switches': [BEHIND, 'z_pulse']}, flags={AHEAD: None}, layout={'index_offset': 0.0095}),
-    Case('index-margin', INFO,
-         {'home_type': 'HSZPulse', 'switches': Z, 'index_margin_action': 'None'},
-         layout={'index_offset': 0.0005}),
-    Case('index-margin', WARNING,
-         {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_arm_delay': 0.0038}, right=0.009),
+    Case(
+        'index-margin',
+        WARNING,
+        {'home_type': 'HSZPulse', 'switches': Z},
+        layout={'index_offset': 0.0005},
+        right=0.0055,
+        words='by 0.0045 m toward negative',
+    ),
+    Case(
+        'index-margin',
+        WARNING,
+        {'home_type': 'HSReverseZPulse', 'switches': Z},
+        layout={'index_offset': 0.0003},
+        right=0.0046,
+        words='by 0.0046 m toward negative',
+    ),
+    Case(
+        'index-margin',
+        ERROR,
+        {'home_type': 'HSZPulse', 'switches': Z, 'index_margin_action': 'Fail'},
+        layout={'index_offset': 0.0005},
+    ),
+    Case(
+        'index-margin',
+        WARNING,
+        {
+            **END,
+            'home_type': 'MechanicalEndDetectionReverseZPulse',
+            'index_margin_action': 'Fail',
+            'switches': [BEHIND, 'z_pulse'],
+        },
+        flags={AHEAD: None},
+        layout={'index_offset': 0.0095},
+    ),
+    Case(
+        'index-margin',
+        INFO,
+        {'home_type': 'HSZPulse', 'switches': Z, 'index_margin_action': 'None'},
+        layout={'index_offset': 0.0005},
+    ),
+    Case(
+        'index-margin',
+        WARNING,
+        {'home_type': 'HSZPulse', 'switches': Z, 'z_pulse_arm_delay': 0.0038},
+        right=0.009,
+    ),
     Case('drive-timeout', WARNING, layout={'command_timeout': 0.01}, right=0.012),
-    Case('index-unreachable', ERROR,
-         {'home_type': 'HSZPulse', 'switches': Z, 'multiple_z_pulse': 5}, words='pulse 5'),
-    Case('index-unreachable', ERROR,
-         {'home_type': 'HSOffZPulse', 'switches': [HS, BEHIND, 'z_pulse']},
-         flags={AHEAD: None}, layout={'index_pitch': 0.1}, words='hard stop'),
-    Case('probe-passed', WARNING, {'home_type': 'TouchProbe', 'switches': PROBE},
-         layout={'touch_probe': 0.1}, right='HSTouchProbe'),
-    Case('probe-passed', WARNING, {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe']},
-         layout={'touch_probe': 0.1}),
-    Case('end-unguarded', ERROR, {'home_type': 'TouchProbe', 'switches': ['touch_probe']},
-         flags={AHEAD: None, BEHIND: None}, layout={'touch_probe': 0.05}, words='ahead'),
-    Case('probe-unreachable', ERROR, {'home_type': 'TouchProbe', 'switches': PROBE},
-         layout={'touch_probe': 0.19}),
-    Case('probe-unreachable', ERROR, {'home_type': 'HSTouchProbe', 'switches': PROBE},
-         layout={'touch_probe': 0.145}, right=0.0054),
-    Case('probe-unreachable', WARNING,
-         {'home_type': 'HSTouchProbe', 'switches': PROBE, 'homing_reverse_distance': 0.0},
-         layout={'touch_probe': 0.1485}, right=0.0016),
-    Case('repeat-off-switch', ERROR,
-         {'home_type': 'HSTouchProbe', 'switches': PROBE, 'homing_reverse_distance': 0.01,
-          'repeat': 2}, layout={'touch_probe': 0.147}, right=1.0),
-    Case('repeat-off-switch', WARNING,
-         {'home_type': 'HSTouchProbe', 'switches': PROBE, 'repeat': 2},
-         layout={'touch_probe': 0.14992}, right=1.0),
+    Case(
+        'index-unreachable',
+        ERROR,
+        {'home_type': 'HSZPulse', 'switches': Z, 'multiple_z_pulse': 5},
+        words='pulse 5',
+    ),
+    Case(
+        'index-unreachable',
+        ERROR,
+        {'home_type': 'HSOffZPulse', 'switches': [HS, BEHIND, 'z_pulse']},
+        flags={AHEAD: None},
+        layout={'index_pitch': 0.1},
+        words='hard stop',
+    ),
+    Case(
+        'probe-passed',
+        WARNING,
+        {'home_type': 'TouchProbe', 'switches': PROBE},
+        layout={'touch_probe': 0.1},
+        right='HSTouchProbe',
+    ),
+    Case(
+        'probe-passed',
+        WARNING,
+        {'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe']},
+        layout={'touch_probe': 0.1},
+    ),
+    Case(
+        'end-unguarded',
+        ERROR,
+        {'home_type': 'TouchProbe', 'switches': ['touch_probe']},
+        flags={AHEAD: None, BEHIND: None},
+        layout={'touch_probe': 0.05},
+        words='ahead',
+    ),
+    Case(
+        'probe-unreachable',
+        ERROR,
+        {'home_type': 'TouchProbe', 'switches': PROBE},
+        layout={'touch_probe': 0.19},
+    ),
+    Case(
+        'probe-unreachable',
+        ERROR,
+        {'home_type': 'HSTouchProbe', 'switches': PROBE},
+        layout={'touch_probe': 0.145},
+        right=0.0054,
+    ),
+    Case(
+        'probe-unreachable',
+        WARNING,
+        {'home_type': 'HSTouchProbe', 'switches': PROBE, 'homing_reverse_distance': 0.0},
+        layout={'touch_probe': 0.1485},
+        right=0.0016,
+    ),
+    Case(
+        'repeat-off-switch',
+        ERROR,
+        {
+            'home_type': 'HSTouchProbe',
+            'switches': PROBE,
+            'homing_reverse_distance': 0.01,
+            'repeat': 2,
+        },
+        layout={'touch_probe': 0.147},
+        right=1.0,
+    ),
+    Case(
+        'repeat-off-switch',
+        WARNING,
+        {'home_type': 'HSTouchProbe', 'switches': PROBE, 'repeat': 2},
+        layout={'touch_probe': 0.14992},
+        right=1.0,
+    ),
     Case('following-error', ERROR, {'following_error': 0.0002}),
     Case('following-error', WARNING, {'following_error': 0.0004}),
     Case('wrong-direction', WARNING, {'wrong_direction_distance': 0.0002}, right=0.0005),
     Case('open-loop', WARNING, {'open_loop_homing': True}, right=False),
-    Case('end-too-early', ERROR, {**END, 'mechanical_end_detection_pos_diff': 0.00002},
-         flags={AHEAD: None}),
-    Case('end-too-early', WARNING, {**END, 'mechanical_end_detection_pos_diff': 0.0001},
-         flags={AHEAD: None}),
+    Case(
+        'end-too-early',
+        ERROR,
+        {**END, 'mechanical_end_detection_pos_diff': 0.00002},
+        flags={AHEAD: None},
+    ),
+    Case(
+        'end-too-early',
+        WARNING,
+        {**END, 'mechanical_end_detection_pos_diff': 0.0001},
+        flags={AHEAD: None},
+    ),
 ]
 
 
@@ -323,8 +665,12 @@ def matching(case, found):
 
 
 @pytest.mark.parametrize(
-    'case', [pytest.param(case, id=f'{case.check}-{case.severity}-{n}')
-             for n, case in enumerate(WITHOUT + WITH)])
+    'case',
+    [
+        pytest.param(case, id=f'{case.check}-{case.severity}-{n}')
+        for n, case in enumerate(WITHOUT + WITH)
+    ],
+)
 def test_finding(case):
     found = matching(case, case.found())
     assert found, [one.text for one in case.found()]
@@ -333,22 +679,38 @@ def test_finding(case):
     assert worst.severity is case.severity, worst.text
     assert worst.what and worst.why and worst.text.startswith('axis x: ')
     if case.right is not None:
-        assert pytest.approx(case.right) == worst.right if isinstance(
-            case.right, float) else case.right in [one.right for one in found]
+        assert (
+            pytest.approx(case.right) == worst.right
+            if isinstance(case.right, float)
+            else case.right in [one.right for one in found]
+        )
 
 
 @pytest.mark.parametrize(
-    'case', [pytest.param(case, id=f'{case.check}-{case.severity}-{n}')
-             for n, case in enumerate(WITH) if 'ls_direction' not in case.values])
+    'case',
+    [
+        pytest.param(case, id=f'{case.check}-{case.severity}-{n}')
+        for n, case in enumerate(WITH)
+        if 'ls_direction' not in case.values
+    ],
+)
 def test_finding_in_the_mirror(case):
-    ahead = [(one.severity, one.check, one.value if isinstance(one.value, float) else None)
-             for one in case.found()]
-    mirror = [(one.severity, one.check, one.value if isinstance(one.value, float) else None)
-              for one in case.found(-1)]
+    ahead = [
+        (one.severity, one.check, one.value if isinstance(one.value, float) else None)
+        for one in case.found()
+    ]
+    mirror = [
+        (one.severity, one.check, one.value if isinstance(one.value, float) else None)
+        for one in case.found(-1)
+    ]
     assert [each[:2] for each in ahead] == [each[:2] for each in mirror]
     for (_, name, value), (_, _, other) in zip(ahead, mirror, strict=True):
-        if value is not None and name not in ('limit-beyond-stop', 'home-switch-place',
-                                              'probe-unreachable', 'shift-into-limit'):
+        if value is not None and name not in (
+            'limit-beyond-stop',
+            'home-switch-place',
+            'probe-unreachable',
+            'shift-into-limit',
+        ):
             assert other == pytest.approx(value, abs=1e-9), name
 
 
@@ -358,10 +720,16 @@ def test_the_good_axis_has_no_finding_but_the_index_that_it_does_not_use():
     assert check_axis('x', axis_parameters(VALUES)) == []
 
 
-@pytest.mark.parametrize('case', [
-    case for case in WITH + WITHOUT
-    if isinstance(case.right, float | bool) and case.layout is not False
-    and case.check not in ('limit-momentary', 'drive-timeout')])
+@pytest.mark.parametrize(
+    'case',
+    [
+        case
+        for case in WITH + WITHOUT
+        if isinstance(case.right, float | bool)
+        and case.layout is not False
+        and case.check not in ('limit-momentary', 'drive-timeout')
+    ],
+)
 def test_what_is_called_right_is_right(case):
     """With the value that a finding asks for, the finding is gone, or no longer that bad."""
     found = matching(case, case.found())[0]
@@ -370,32 +738,59 @@ def test_what_is_called_right_is_right(case):
     if SPECS[found.parameter].kind is int:
         value = int(value)
     again = replace(case, values={**case.values, found.parameter: value})
-    left = [one for one in matching(case, again.found()) if one.parameter == found.parameter
-            and one.severity is found.severity and one.what.split(' ')[0] == found.what.split()[0]]
+    left = [
+        one
+        for one in matching(case, again.found())
+        if one.parameter == found.parameter
+        and one.severity is found.severity
+        and one.what.split(' ')[0] == found.what.split()[0]
+    ]
     assert not left, left[0].text
 
 
 @pytest.mark.parametrize('direction', [1, -1])
-@pytest.mark.parametrize('case', [
-    # Its hysteresis keeps it on for long enough.
-    Case('flag-debounce', ERROR, {'switch_debounce': 0.02, 'homing_velocity_fast': 0.04},
-         flags={HS: SwitchLayout(0.15, 0.1505, 0.001)}),
-    # The axis overruns the home switch by more than the probe is before it.
-    Case('probe-unreachable', ERROR,
-         {'home_type': 'HSTouchProbe', 'switches': PROBE, 'homing_reverse_distance': 0.0},
-         layout={'touch_probe': 0.1485}),
-    # Beyond the limit switch ahead a run does not begin on the home switch.
-    Case('hs-reverse-bound', ERROR, {'max_hs_on_at_start_reverse_distance': 0.037},
-         flags={HS: SwitchLayout(0.15, 0.2)}),
-    # The home switch is on up to the hard stop: nobody comes to the limit switch.
-    Case('ls-reverse-bound', ERROR,
-         {'home_type': 'HS', 'homing_velocity_fast': 0.09, 'homing_velocity_fast_acc': 0.2,
-          'homing_velocity_fast_dec': 0.2, 'max_ls_reverse_distance': 0.04},
-         flags={HS: SwitchLayout(0.162, 0.3)}),
-], ids=lambda case: case.check)
+@pytest.mark.parametrize(
+    'case',
+    [
+        # Its hysteresis keeps it on for long enough.
+        Case(
+            'flag-debounce',
+            ERROR,
+            {'switch_debounce': 0.02, 'homing_velocity_fast': 0.04},
+            flags={HS: SwitchLayout(0.15, 0.1505, 0.001)},
+        ),
+        # The axis overruns the home switch by more than the probe is before it.
+        Case(
+            'probe-unreachable',
+            ERROR,
+            {'home_type': 'HSTouchProbe', 'switches': PROBE, 'homing_reverse_distance': 0.0},
+            layout={'touch_probe': 0.1485},
+        ),
+        # Beyond the limit switch ahead a run does not begin on the home switch.
+        Case(
+            'hs-reverse-bound',
+            ERROR,
+            {'max_hs_on_at_start_reverse_distance': 0.037},
+            flags={HS: SwitchLayout(0.15, 0.2)},
+        ),
+        # The home switch is on up to the hard stop: nobody comes to the limit switch.
+        Case(
+            'ls-reverse-bound',
+            ERROR,
+            {
+                'home_type': 'HS',
+                'homing_velocity_fast': 0.09,
+                'homing_velocity_fast_acc': 0.2,
+                'homing_velocity_fast_dec': 0.2,
+                'max_ls_reverse_distance': 0.04,
+            },
+            flags={HS: SwitchLayout(0.162, 0.3)},
+        ),
+    ],
+    ids=lambda case: case.check,
+)
 def test_what_homes_is_no_error(case, direction):
-    assert not [one.text for one in matching(case, case.found(direction))
-                if one.severity is ERROR]
+    assert not [one.text for one in matching(case, case.found(direction)) if one.severity is ERROR]
     parameters, layout = case.built(direction)
     for start in (0.1, 0.1499, 0.155, 0.184, 0.1999):
         trial = rehearse_from(parameters, layout, transport_of(Timing()), direction * start)
@@ -412,21 +807,47 @@ def test_what_is_called_right_can_be_written_into_the_file(case):
             axis_parameters({**VALUES, **case.values, **dict.fromkeys(names, right)})
 
 
-@pytest.mark.parametrize('case, remedy', [
-    (Case('hard-stop', ERROR, {'homing_velocity_slow': 0.03},
-          flags={AHEAD: SwitchLayout(0.1996, inf)}),
-     'homing_velocity_fast and homing_velocity_slow: 0.012 m/s'),
-    (Case('ls-reverse-bound', WARNING, {'max_ls_reverse_distance': 0.045,
-                                        'max_search_distance': 0.15},
-          flags={HS: SwitchLayout(0.05, 0.06)}, words='from where'),
-     'max_ls_reverse_distance and max_search_distance: 0.16 m'),
-    (Case('hard-stop', ERROR, {'switches': [HS, AHEAD], 'homing_reverse_distance': 0.03},
-          flags={HS: SwitchLayout(0.02, 0.03), BEHIND: None}, words='behind'),
-     'homing_reverse_distance: 0.02 m'),
-    (Case('index-ambiguous', WARNING, {'home_type': 'ZPulse', 'switches': [*BOTH, 'z_pulse']}),
-     ''),
-    (Case('search-bound', ERROR, {'travel': 0.06, 'homing_velocity_fast': 0.02}), ''),
-])
+@pytest.mark.parametrize(
+    'case, remedy',
+    [
+        (
+            Case(
+                'hard-stop',
+                ERROR,
+                {'homing_velocity_slow': 0.03},
+                flags={AHEAD: SwitchLayout(0.1996, inf)},
+            ),
+            'homing_velocity_fast and homing_velocity_slow: 0.012 m/s',
+        ),
+        (
+            Case(
+                'ls-reverse-bound',
+                WARNING,
+                {'max_ls_reverse_distance': 0.045, 'max_search_distance': 0.15},
+                flags={HS: SwitchLayout(0.05, 0.06)},
+                words='from where',
+            ),
+            'max_ls_reverse_distance and max_search_distance: 0.16 m',
+        ),
+        (
+            Case(
+                'hard-stop',
+                ERROR,
+                {'switches': [HS, AHEAD], 'homing_reverse_distance': 0.03},
+                flags={HS: SwitchLayout(0.02, 0.03), BEHIND: None},
+                words='behind',
+            ),
+            'homing_reverse_distance: 0.02 m',
+        ),
+        (
+            Case(
+                'index-ambiguous', WARNING, {'home_type': 'ZPulse', 'switches': [*BOTH, 'z_pulse']}
+            ),
+            '',
+        ),
+        (Case('search-bound', ERROR, {'travel': 0.06, 'homing_velocity_fast': 0.02}), ''),
+    ],
+)
 def test_remedy(case, remedy):
     assert [one.remedy for one in matching(case, case.found())][:1] == [remedy]
 
@@ -455,8 +876,9 @@ def test_no_run_takes_less_than_the_least_time(home_type):
     example = EXAMPLES[home_type]
     bounds = Bounds('x', example.parameters, example.layout, Timing())
     for run in example.runs:
-        if any(flag.on_from <= run.start <= flag.on_to
-               for flag in example.layout.switches.values()):
+        if any(
+            flag.on_from <= run.start <= flag.on_to for flag in example.layout.switches.values()
+        ):
             continue
         least, took = bounds.least_time(run.start), example.rehearse(run).duration
         assert least < took
@@ -465,21 +887,26 @@ def test_no_run_takes_less_than_the_least_time(home_type):
 
 # ------------------------------------------------------ what is said of hard stops is what happens
 
-GRID = [(home_type, velocity, latency)
-        for home_type in ('HS', 'HSHS', 'HSOff', 'LS', 'LSReverseZPulse', 'TouchProbe')
-        for velocity in (0.02, 0.05, 0.1) for latency in (0.0, 0.008)]
+GRID = [
+    (home_type, velocity, latency)
+    for home_type in ('HS', 'HSHS', 'HSOff', 'LS', 'LSReverseZPulse', 'TouchProbe')
+    for velocity in (0.02, 0.05, 0.1)
+    for latency in (0.0, 0.008)
+]
 
 
 def axis_of(home_type, velocity):
     example = EXAMPLES[HomeType(home_type)]
     slow = velocity if home_type == 'TouchProbe' else 0.01
-    return replace(example.parameters, homing_velocity_fast=velocity, homing_velocity_slow=slow,
-                   max_jerk=20.0), example.layout
+    return replace(
+        example.parameters, homing_velocity_fast=velocity, homing_velocity_slow=slow, max_jerk=20.0
+    ), example.layout
 
 
 @pytest.mark.parametrize('home_type, velocity, latency', GRID)
 def test_the_rehearsal_hits_the_hard_stop_ahead_where_the_check_says_so(
-        home_type, velocity, latency):
+    home_type, velocity, latency
+):
     parameters, layout = axis_of(home_type, velocity)
     timing = Timing(latency=latency)
     limit = layout.switches[AHEAD].on_from
@@ -495,22 +922,40 @@ def test_the_rehearsal_hits_the_hard_stop_ahead_where_the_check_says_so(
         built = layout._replace(hard_stops=(0.0, limit + part * overrun))
         if home_type == 'TouchProbe':
             built = built._replace(touch_probe=0.087)
-        said = [one for one in check_axis('x', parameters, built, timing)
-                if one.check == 'hard-stop' and 'ahead' in one.what]
-        hit = [rehearse_from(parameters, built, transport_of(timing), start).hits is not None
-               for start in starts]
+        said = [
+            one
+            for one in check_axis('x', parameters, built, timing)
+            if one.check == 'hard-stop' and 'ahead' in one.what
+        ]
+        hit = [
+            rehearse_from(parameters, built, transport_of(timing), start).hits is not None
+            for start in starts
+        ]
         assert bool(said) is hits
         assert any(hit) is hits, (overrun, part)
 
 
 @pytest.mark.parametrize('direction', [1, -1])
-@pytest.mark.parametrize('values, flags, places', [
-    ({**SERVO_OFF, 'homing_velocity_fast_dec': 0.05}, SERVO_OFF_FLAGS, {}),
-    ({'home_type': 'TouchProbe', 'switches': [*BOTH, 'touch_probe'], 'ls_type': 'ServoOff',
-      'homing_velocity_slow': 0.05, 'homing_velocity_slow_dec': 0.05}, {},
-     {'touch_probe': 0.184})])
+@pytest.mark.parametrize(
+    'values, flags, places',
+    [
+        ({**SERVO_OFF, 'homing_velocity_fast_dec': 0.05}, SERVO_OFF_FLAGS, {}),
+        (
+            {
+                'home_type': 'TouchProbe',
+                'switches': [*BOTH, 'touch_probe'],
+                'ls_type': 'ServoOff',
+                'homing_velocity_slow': 0.05,
+                'homing_velocity_slow_dec': 0.05,
+            },
+            {},
+            {'touch_probe': 0.184},
+        ),
+    ],
+)
 def test_a_limit_that_would_switch_the_servo_off_stops_an_axis_that_already_brakes(
-        values, flags, places, direction):
+    values, flags, places, direction
+):
     case = Case('hard-stop', ERROR, values, flags, places)
     assert not matching(case, case.found(direction))
     trial = rehearse_from(*case.built(direction), transport_of(Timing()), direction * 0.1)
@@ -527,10 +972,18 @@ def test_a_limit_without_an_action_does_not_bar_the_final_move(home_type):
 @pytest.mark.parametrize('direction', [1, -1])
 def test_a_limit_that_brakes_harder_than_the_turn_holds_the_axis(direction):
     case = Case(
-        'hard-stop', ERROR, {'near_ls_type': 'SlowDec', 'homing_velocity_fast': 0.1,
-                             'homing_velocity_fast_acc': 0.2, 'homing_velocity_fast_dec': 0.2,
-                             'ls_dec': 2.0, 'switches': [HS, *BOTH, NEAR]},
-        flags={NEAR: SwitchLayout(0.183, inf)})
+        'hard-stop',
+        ERROR,
+        {
+            'near_ls_type': 'SlowDec',
+            'homing_velocity_fast': 0.1,
+            'homing_velocity_fast_acc': 0.2,
+            'homing_velocity_fast_dec': 0.2,
+            'ls_dec': 2.0,
+            'switches': [HS, *BOTH, NEAR],
+        },
+        flags={NEAR: SwitchLayout(0.183, inf)},
+    )
     assert not matching(case, case.found(direction))
     for start in (0.162, 0.165, 0.17):
         trial = rehearse_from(*case.built(direction), transport_of(Timing()), direction * start)
@@ -550,11 +1003,19 @@ def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocit
     stuck[BEHIND] = SwitchLayout(-1.0, limit)
     for part, hits in ((0.75, True), (1.01, False)):
         built = layout._replace(hard_stops=(limit - part * overrun, 0.12))
-        said = [one for one in check_axis('x', parameters, built, timing)
-                if one.check == 'hard-stop' and 'behind' in one.what]
+        said = [
+            one
+            for one in check_axis('x', parameters, built, timing)
+            if one.check == 'hard-stop' and 'behind' in one.what
+        ]
         starts = [0.07 + 0.0005 * n for n in range(4)]
-        hit = [rehearse_from(parameters, built._replace(switches=stuck), transport_of(timing),
-                             start).hits is not None for start in starts]
+        hit = [
+            rehearse_from(
+                parameters, built._replace(switches=stuck), transport_of(timing), start
+            ).hits
+            is not None
+            for start in starts
+        ]
         assert bool(said) is hits
         assert any(hit) is hits, (overrun, part)
 
@@ -563,58 +1024,107 @@ def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocit
 @pytest.mark.parametrize('reverse', [0.0, 0.003, 0.03])
 @pytest.mark.parametrize('acceleration, deceleration', [(0.3, 1.0), (1.0, 0.3)])
 def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_so(
-        acceleration, deceleration, reverse, direction):
+    acceleration, deceleration, reverse, direction
+):
     """Without a limit switch behind: the axis stops, or turns more gently than it stops."""
-    parameters = axis_parameters({
-        **VALUES, 'homing_velocity_fast': 0.1, 'homing_velocity_fast_acc': acceleration,
-        'homing_velocity_fast_dec': deceleration, 'homing_reverse_distance': reverse,
-        'home_direction': 'Positive' if direction > 0 else 'Negative',
-        'switches': [HS, AHEAD if direction > 0 else BEHIND]})
+    parameters = axis_parameters(
+        {
+            **VALUES,
+            'homing_velocity_fast': 0.1,
+            'homing_velocity_fast_acc': acceleration,
+            'homing_velocity_fast_dec': deceleration,
+            'homing_reverse_distance': reverse,
+            'home_direction': 'Positive' if direction > 0 else 'Negative',
+            'switches': [HS, AHEAD if direction > 0 else BEHIND],
+        }
+    )
 
     def built(stop):
-        layout = AxisLayout((stop, 0.2), {HS: SwitchLayout(0.08, 0.1),
-                                          AHEAD: SwitchLayout(0.17, inf)}, start=0.1)
+        layout = AxisLayout(
+            (stop, 0.2), {HS: SwitchLayout(0.08, 0.1), AHEAD: SwitchLayout(0.17, inf)}, start=0.1
+        )
         return layout if direction > 0 else mirrored(layout)
+
     ends = Ends('x', parameters, built(-inf), Timing())
     step, row = next(each for each in ends.searches if each[1].motion.way is Way.AWAY)
     overrun = next(ends.event_stops(step, row)).overrun(0.1)
     for part, hits in ((0.8, True), (1.01, False)):
         layout = built(0.08 - part * overrun)
-        said = [one for one in check_axis('x', parameters, layout)
-                if one.check == 'hard-stop' and 'behind' in one.what]
-        hit = [rehearse_from(parameters, layout, transport_of(Timing()),
-                             direction * (0.1125 + 0.0021 * n)).hits is not None
-               for n in range(8)]
+        said = [
+            one
+            for one in check_axis('x', parameters, layout)
+            if one.check == 'hard-stop' and 'behind' in one.what
+        ]
+        hit = [
+            rehearse_from(
+                parameters, layout, transport_of(Timing()), direction * (0.1125 + 0.0021 * n)
+            ).hits
+            is not None
+            for n in range(8)
+        ]
         assert bool(said) is hits
         assert any(hit) is hits, (overrun, part)
 
 
-@pytest.mark.parametrize('case', [
-    case for case in WITH if case.check in (
-        'home-switch-place', 'ls-reverse-bound', 'limits-overlap', 'shift-into-limit',
-        'reverse-into-limit', 'search-bound', 'z-pulse-bound', 'z-pulse-check',
-        'index-unreachable', 'following-error', 'index-margin', 'end-behind-limit', 'timeout',
-        'flag-debounce', 'hs-reverse-bound', 'probe-unreachable', 'repeat-off-switch',
-        'hard-stop', 'end-too-early', 'end-unguarded')
-    and case.severity is ERROR], ids=lambda case: f'{case.check}-{case.words}')
+@pytest.mark.parametrize(
+    'case',
+    [
+        case
+        for case in WITH
+        if case.check
+        in (
+            'home-switch-place',
+            'ls-reverse-bound',
+            'limits-overlap',
+            'shift-into-limit',
+            'reverse-into-limit',
+            'search-bound',
+            'z-pulse-bound',
+            'z-pulse-check',
+            'index-unreachable',
+            'following-error',
+            'index-margin',
+            'end-behind-limit',
+            'timeout',
+            'flag-debounce',
+            'hs-reverse-bound',
+            'probe-unreachable',
+            'repeat-off-switch',
+            'hard-stop',
+            'end-too-early',
+            'end-unguarded',
+        )
+        and case.severity is ERROR
+    ],
+    ids=lambda case: f'{case.check}-{case.words}',
+)
 def test_where_an_error_is_found_a_run_fails(case):
     """From some start, that is: or it homes where home is not."""
     parameters, layout = case.built()
-    trials = (rehearse_from(parameters, layout, transport_of(Timing()), start)
-              for start in (0.0002, 0.1998, 0.1, 0.1549, 0.1595, 0.1605, 0.175, 0.184, 0.03))
+    trials = (
+        rehearse_from(parameters, layout, transport_of(Timing()), start)
+        for start in (0.0002, 0.1998, 0.1, 0.1549, 0.1595, 0.1605, 0.175, 0.184, 0.03)
+    )
     assert any(not trial.success or (trial.off and abs(trial.off) > 1e-4) for trial in trials)
 
 
-@pytest.mark.parametrize(('bound', 'error'), [
-    ('max_hs_on_at_start_reverse_distance', 'MaxHSOnAtStartRevDistanceTraveled'),
-    ('max_search_distance', 'SearchDistanceExceeded')])
+@pytest.mark.parametrize(
+    ('bound', 'error'),
+    [
+        ('max_hs_on_at_start_reverse_distance', 'MaxHSOnAtStartRevDistanceTraveled'),
+        ('max_search_distance', 'SearchDistanceExceeded'),
+    ],
+)
 def test_a_finding_names_the_error_that_a_run_ends_with(bound, error):
     case = next(case for case in WITH if case.check == 'hs-reverse-bound')
     parameters, layout = case.built()
-    parameters = replace(parameters, **{
-        'max_hs_on_at_start_reverse_distance': 0.0, 'max_search_distance': 0.0, bound: 0.01})
-    texts = [one.text for one in check_axis('x', parameters, layout)
-             if one.check == 'hs-reverse-bound']
+    parameters = replace(
+        parameters,
+        **{'max_hs_on_at_start_reverse_distance': 0.0, 'max_search_distance': 0.0, bound: 0.01},
+    )
+    texts = [
+        one.text for one in check_axis('x', parameters, layout) if one.check == 'hs-reverse-bound'
+    ]
     assert [error in text for text in texts] == [True]
 
 
@@ -622,8 +1132,12 @@ def test_a_finding_names_the_error_that_a_run_ends_with(bound, error):
 
 
 def test_a_configuration_brings_its_update_rate():
-    values = {'axes': ['x'], 'update_rate': 10.0, 'cycle_timeout': 0.15,
-              **{f'x.{name}': value for name, value in VALUES.items()}}
+    values = {
+        'axes': ['x'],
+        'update_rate': 10.0,
+        'cycle_timeout': 0.15,
+        **{f'x.{name}': value for name, value in VALUES.items()},
+    }
     found = check(configuration(values), {'x': LAYOUT._replace(hard_stops=(0.0, 0.19))})
     assert {'cycle-timeout', 'hard-stop'} <= {one.check for one in found}
     assert '112 ms' not in next(one.text for one in found if one.check == 'hard-stop')
@@ -661,24 +1175,41 @@ def test_plain_values_for_json():
     assert all(isfinite(value) for value in found.values() if isinstance(value, float))
 
 
-@pytest.mark.parametrize('number, below, above', [
-    (0.0456, 0.045, 0.046), (0.05, 0.05, 0.05), (0.0, 0.0, 0.0), (123.0, 120.0, 130.0),
-    (inf, inf, inf)])
+@pytest.mark.parametrize(
+    'number, below, above',
+    [
+        (0.0456, 0.045, 0.046),
+        (0.05, 0.05, 0.05),
+        (0.0, 0.0, 0.0),
+        (123.0, 120.0, 130.0),
+        (inf, inf, inf),
+    ],
+)
 def test_rounding_to_what_one_would_write(number, below, above):
     assert (down(number), up(number)) == (below, above)
 
 
 @settings(max_examples=150, deadline=None)
 @given(
-    st.sampled_from(HomeType), st.booleans(),
+    st.sampled_from(HomeType),
+    st.booleans(),
     st.lists(st.floats(-0.1, 0.3), min_size=8, max_size=8),
-    st.floats(0.001, 1.0), st.floats(0.0, 0.02), st.one_of(st.just(nan), st.floats(-1, 1)))
+    st.floats(0.001, 1.0),
+    st.floats(0.0, 0.02),
+    st.one_of(st.just(nan), st.floats(-1, 1)),
+)
 def test_any_layout_is_judged(home_type, known, ends, velocity, debounce, offset):
     example = EXAMPLES[home_type]
-    parameters = replace(example.parameters, homing_velocity_fast=velocity,
-                         homing_velocity_slow=velocity / 3, switch_debounce=debounce)
-    flags = {name: SwitchLayout(*sorted(ends[2 * n:2 * n + 2]))
-             for n, name in enumerate((HS, AHEAD, BEHIND))}
+    parameters = replace(
+        example.parameters,
+        homing_velocity_fast=velocity,
+        homing_velocity_slow=velocity / 3,
+        switch_debounce=debounce,
+    )
+    flags = {
+        name: SwitchLayout(*sorted(ends[2 * n : 2 * n + 2]))
+        for n, name in enumerate((HS, AHEAD, BEHIND))
+    }
     stops = tuple(sorted((ends[6], ends[7] + 1e-6))) if known else (-inf, inf)
     layout = AxisLayout(stops, flags, index_pitch=0.02, index_offset=offset, lag=0.01)
     for found in check_axis('x', parameters, layout):
@@ -698,7 +1229,10 @@ def test_absurd_parameters_are_judged_too(home_type, value):
 
 
 def test_every_input_can_be_placed():
-    flags = {str(name): SwitchLayout(0.1, 0.2) for name in Input
-             if str(name) not in ('z_pulse', 'touch_probe', 'servo_enabled')}
+    flags = {
+        str(name): SwitchLayout(0.1, 0.2)
+        for name in Input
+        if str(name) not in ('z_pulse', 'touch_probe', 'servo_enabled')
+    }
     found = check_axis('x', axis_parameters(VALUES), LAYOUT._replace(switches=flags))
     assert errors(found)

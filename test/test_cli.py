@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command `homing`: what it prints, what it writes, how it ends."""
 
 import csv
@@ -32,8 +33,9 @@ def in_a_folder_of_its_own(tmp_path, monkeypatch):
 
 def write(name, axes, **node):
     """Write a parameter file of homing_node."""
-    Path(name).write_text(json.dumps(
-        {'/**': {'ros__parameters': {'axes': list(axes), **node, **axes}}}, indent=1))
+    Path(name).write_text(
+        json.dumps({'/**': {'ros__parameters': {'axes': list(axes), **node, **axes}}}, indent=1)
+    )
     return name
 
 
@@ -78,10 +80,23 @@ def test_check_as_json(capsys):
     told = json.loads(out)
     assert status == 1 and told['ok'] is False
     one = told['findings'][0]
-    assert set(one) == {'severity', 'axis', 'check', 'what', 'why', 'parameter', 'value', 'right',
-                        'unit', 'also'}
+    assert set(one) == {
+        'severity',
+        'axis',
+        'check',
+        'what',
+        'why',
+        'parameter',
+        'value',
+        'right',
+        'unit',
+        'also',
+    }
     assert (one['severity'], one['check'], one['parameter']) == (
-        'error', 'hard-stop', 'homing_velocity_fast')
+        'error',
+        'hard-stop',
+        'homing_velocity_fast',
+    )
     assert 0 < one['right'] < 0.2 and one['unit'] == 'm/s'
 
 
@@ -105,7 +120,8 @@ def test_faults_of_the_configuration_are_findings(capsys):
     assert 'bad.yaml:' in out and "'long'" in out and 'did you mean' in out
     status, out, _ = run(capsys, 'check', config, '--json')
     assert status == 1 and {one['check'] for one in json.loads(out)['findings']} == {
-        'configuration'}
+        'configuration'
+    }
 
 
 def test_the_timing_counts(capsys):
@@ -125,8 +141,14 @@ def test_run_tells_the_course(capsys):
     status, out, err = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'z')
     assert (status, err) == (0, '')
     assert out.startswith('axis z: HSHS Positive from 0.175: homed in ')
-    states = ['HSSearch', 'HSFallingEdgeSearchReverse', 'HSSearch', 'HSClearReverse',
-              'SecondHSSearch', 'HomeShift']
+    states = [
+        'HSSearch',
+        'HSFallingEdgeSearchReverse',
+        'HSSearch',
+        'HSClearReverse',
+        'SecondHSSearch',
+        'HomeShift',
+    ]
     assert [line.split()[4] for line in out.splitlines() if '->' in line] == states
     assert 'home position 0.15 (raw); true 0.15, off by' in out and 'real time' in out
 
@@ -135,12 +157,27 @@ def test_run_homes_all_axes(capsys):
     status, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT)
     assert status == 0
     assert [line.split(':')[0] for line in out.splitlines() if line.startswith('axis')] == [
-        'axis x', 'axis y', 'axis z']
+        'axis x',
+        'axis y',
+        'axis z',
+    ]
 
 
 def test_run_from_another_start_with_another_type(capsys):
-    status, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'y', '--from', 0.03,
-                         '--type', 'HSZPulse', '--json')
+    status, out, _ = run(
+        capsys,
+        'run',
+        DEMO,
+        '--layout',
+        PLANT,
+        '--axis',
+        'y',
+        '--from',
+        0.03,
+        '--type',
+        'HSZPulse',
+        '--json',
+    )
     told = json.loads(out)['runs'][0]
     assert status == 0 and told['home_type'] == 'HSZPulse' and told['start'] == 0.03
     assert told['states'][0]['state'] == 'HSAndZPulseSearch'
@@ -161,9 +198,20 @@ def test_a_run_into_the_hard_stop_fails(capsys):
 
 
 def test_pause_mode_does_not_hold_a_rehearsal(capsys):
-    config = write('axes.yaml', {'x': demo(
-        pause_mode=True, switches=['home_switch', 'positive_limit_switch',
-                                   'negative_limit_switch', 'servo_enabled'])})
+    config = write(
+        'axes.yaml',
+        {
+            'x': demo(
+                pause_mode=True,
+                switches=[
+                    'home_switch',
+                    'positive_limit_switch',
+                    'negative_limit_switch',
+                    'servo_enabled',
+                ],
+            )
+        },
+    )
     assert run(capsys, 'run', config, '--layout', PLANT)[0] == 0
 
 
@@ -180,8 +228,19 @@ def test_a_rate_that_the_plant_cannot_keep(capsys, rate, kept):
 
 
 def test_run_saves_and_plots(capsys):
-    status, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x',
-                         '--save', 'run.npz', '--plot', 'run.svg')
+    status, out, _ = run(
+        capsys,
+        'run',
+        DEMO,
+        '--layout',
+        PLANT,
+        '--axis',
+        'x',
+        '--save',
+        'run.npz',
+        '--plot',
+        'run.svg',
+    )
     assert status == 0 and out.endswith('wrote run.npz\n  wrote run.svg\n')
     course, title, unit = record.load('run.npz')
     assert (title, unit) == ('x: HSHS from 0.05', 'm') and course.outcome.success
@@ -189,8 +248,20 @@ def test_run_saves_and_plots(capsys):
 
 
 def test_runs_from_everywhere(capsys):
-    status, out, _ = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts',
-                         '--starts', 9, '--save', 'starts.csv')
+    status, out, _ = run(
+        capsys,
+        'run',
+        DEMO,
+        '--layout',
+        PLANT,
+        '--axis',
+        'x',
+        '--all-starts',
+        '--starts',
+        9,
+        '--save',
+        'starts.csv',
+    )
     assert status == 0
     assert out.startswith('axis x: HSHS Positive from 9 positions: 9 homed, 0 failed\n')
     assert Path('x_starts.png').read_bytes().startswith(b'\x89PNG')
@@ -210,16 +281,38 @@ def test_no_start_is_beyond_the_hard_stops(stops):
 
 
 def test_a_table_that_cannot_be_saved_is_told_before_the_sweep(capsys):
-    status, out, err = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts',
-                           '--starts', 100_000, '--save', 'starts.npz')
+    status, out, err = run(
+        capsys,
+        'run',
+        DEMO,
+        '--layout',
+        PLANT,
+        '--axis',
+        'x',
+        '--all-starts',
+        '--starts',
+        100_000,
+        '--save',
+        'starts.npz',
+    )
     assert (status, out) == (2, '') and 'saved as .csv' in err
     assert not Path('x_starts.png').exists()
 
 
 def test_runs_from_everywhere_of_which_some_fail(capsys):
     config = write('bad.yaml', {'x': demo(max_search_distance=0.1)})
-    status, out, _ = run(capsys, 'run', config, '--layout', PLANT, '--all-starts',
-                         '--starts', 9, '--plot', 'all.svg')
+    status, out, _ = run(
+        capsys,
+        'run',
+        config,
+        '--layout',
+        PLANT,
+        '--all-starts',
+        '--starts',
+        9,
+        '--plot',
+        'all.svg',
+    )
     assert status == 1 and 'SearchDistanceExceeded from ' in out
     assert '<svg' in Path('all.svg').read_text()
 
@@ -242,8 +335,24 @@ def test_plot_of_a_record(capsys):
     assert run(capsys, 'plot', 'run.csv') == (0, 'wrote run.png\n', '')
     assert Path('run.png').read_bytes().startswith(b'\x89PNG')
     assert run(capsys, 'plot', 'run.csv', '-o', 'a.svg', '--layout', PLANT)[0] == 0
-    assert run(capsys, 'plot', 'run.csv', '-o', 'b.svg', '--layout', PLANT, '--axis', 'z',
-               '--panels', 'profile', '--unit', 'rad')[0] == 0
+    assert (
+        run(
+            capsys,
+            'plot',
+            'run.csv',
+            '-o',
+            'b.svg',
+            '--layout',
+            PLANT,
+            '--axis',
+            'z',
+            '--panels',
+            'profile',
+            '--unit',
+            'rad',
+        )[0]
+        == 0
+    )
     assert Path('a.svg').stat().st_size > Path('b.svg').stat().st_size
 
 
@@ -251,17 +360,56 @@ def test_plot_of_a_record(capsys):
 def test_a_rotary_axis_is_drawn_in_rad(capsys, suffix):
     """As text, so that the picture can be searched for it."""
     record_of = f'run.{suffix}'
-    run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--unit', 'rad',
-        '--save', record_of, '--plot', 'a.svg')
+    run(
+        capsys,
+        'run',
+        DEMO,
+        '--layout',
+        PLANT,
+        '--axis',
+        'x',
+        '--unit',
+        'rad',
+        '--save',
+        record_of,
+        '--plot',
+        'a.svg',
+    )
     assert record.load(record_of).unit == 'rad'
     run(capsys, 'plot', record_of, '-o', 'b.svg', '--layout', PLANT)
     run(capsys, 'plot', record_of, '-o', 'c.svg', '--layout', PLANT, '--unit', 'm')
     rad, again, metre = (Path(f'{name}.svg').read_text() for name in 'abc')
     assert rad == again != metre
-    run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--starts', 2,
-        '--unit', 'rad', '--plot', 'd.svg')
-    run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--starts', 2,
-        '--plot', 'e.svg')
+    run(
+        capsys,
+        'run',
+        DEMO,
+        '--layout',
+        PLANT,
+        '--axis',
+        'x',
+        '--all-starts',
+        '--starts',
+        2,
+        '--unit',
+        'rad',
+        '--plot',
+        'd.svg',
+    )
+    run(
+        capsys,
+        'run',
+        DEMO,
+        '--layout',
+        PLANT,
+        '--axis',
+        'x',
+        '--all-starts',
+        '--starts',
+        2,
+        '--plot',
+        'e.svg',
+    )
     assert Path('d.svg').read_text() != Path('e.svg').read_text()
 
 
@@ -298,39 +446,60 @@ def test_diagram_into_a_file(capsys):
 # ----------------------------------------------------------------------------- wrong usage, files
 
 
-@pytest.mark.parametrize('arguments, said', [
-    ([], 'COMMAND'),
-    (['home'], 'invalid choice'),
-    (['check'], 'CONFIG'),
-    (['run', DEMO], '--layout'),
-    (['run', DEMO, '--layout', PLANT, '--type', 'HSS'], 'HSS'),
-    (['run', DEMO, '--layout', PLANT, '--starts', '1', '--all-starts'], 'from 2'),
-    (['check', DEMO, '--latency', '-1'], '--latency: -1 is not a number >= 0'),
-    (['check', DEMO, '--latency', 'nan'], '--latency'),
-    (['check', DEMO, '--accuracy', '0'], '--accuracy'),
-    (['diagram', 'XX'], 'XX'),
-    (['diagram', 'HS', '-o', 'hs.png'], 'hs.png: a diagram is written as .svg'),
-    (['diagram', 'HS', '-o', 'hs.mmd', '--format', 'svg'], 'hs.mmd: a diagram'),
-    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--from', '0'],
-     '--from is one start'),
-    (['run', DEMO, '--layout', PLANT, '--save', 'r.npz'], '--save is for one axis'),
-    (['run', DEMO, '--layout', PLANT, '--from', '0'], '--from is for one axis'),
-    (['run', DEMO, '--layout', PLANT, '--axis', 'q'], "'q' is none of the axes"),
-    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--from', '1'], 'beyond the hard stops'),
-    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--save', 'r.txt'], '.npz or .csv'),
-    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--plot', 'r.txt'], 'r.txt'),
-    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--save', 'no/r.npz'], 'No such file'),
-    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--starts', '2',
-      '--save', 'r.npz'], 'saved as .csv'),
-    (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--type', 'HSZPulse'],
-     'x.switches: z_pulse is missing'),
-    (['check', 'none.yaml'], 'none.yaml: No such file'),
-    (['check', DEMO, '--layout', 'none.yaml'], 'none.yaml: No such file'),
-    (['run', 'none.yaml', '--layout', PLANT], 'none.yaml: No such file'),
-    (['check', DEMO, '--layout', DEMO], 'home_type is unknown'),
-    (['plot', 'none.npz'], 'none.npz: No such file'),
-    (['diagram', 'HS', '-o', 'no/hs.svg'], 'No such file'),
-])
+@pytest.mark.parametrize(
+    'arguments, said',
+    [
+        ([], 'COMMAND'),
+        (['home'], 'invalid choice'),
+        (['check'], 'CONFIG'),
+        (['run', DEMO], '--layout'),
+        (['run', DEMO, '--layout', PLANT, '--type', 'HSS'], 'HSS'),
+        (['run', DEMO, '--layout', PLANT, '--starts', '1', '--all-starts'], 'from 2'),
+        (['check', DEMO, '--latency', '-1'], '--latency: -1 is not a number >= 0'),
+        (['check', DEMO, '--latency', 'nan'], '--latency'),
+        (['check', DEMO, '--accuracy', '0'], '--accuracy'),
+        (['diagram', 'XX'], 'XX'),
+        (['diagram', 'HS', '-o', 'hs.png'], 'hs.png: a diagram is written as .svg'),
+        (['diagram', 'HS', '-o', 'hs.mmd', '--format', 'svg'], 'hs.mmd: a diagram'),
+        (
+            ['run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--from', '0'],
+            '--from is one start',
+        ),
+        (['run', DEMO, '--layout', PLANT, '--save', 'r.npz'], '--save is for one axis'),
+        (['run', DEMO, '--layout', PLANT, '--from', '0'], '--from is for one axis'),
+        (['run', DEMO, '--layout', PLANT, '--axis', 'q'], "'q' is none of the axes"),
+        (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--from', '1'], 'beyond the hard stops'),
+        (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--save', 'r.txt'], '.npz or .csv'),
+        (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--plot', 'r.txt'], 'r.txt'),
+        (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--save', 'no/r.npz'], 'No such file'),
+        (
+            [
+                'run',
+                DEMO,
+                '--layout',
+                PLANT,
+                '--axis',
+                'x',
+                '--all-starts',
+                '--starts',
+                '2',
+                '--save',
+                'r.npz',
+            ],
+            'saved as .csv',
+        ),
+        (
+            ['run', DEMO, '--layout', PLANT, '--axis', 'x', '--type', 'HSZPulse'],
+            'x.switches: z_pulse is missing',
+        ),
+        (['check', 'none.yaml'], 'none.yaml: No such file'),
+        (['check', DEMO, '--layout', 'none.yaml'], 'none.yaml: No such file'),
+        (['run', 'none.yaml', '--layout', PLANT], 'none.yaml: No such file'),
+        (['check', DEMO, '--layout', DEMO], 'home_type is unknown'),
+        (['plot', 'none.npz'], 'none.npz: No such file'),
+        (['diagram', 'HS', '-o', 'no/hs.svg'], 'No such file'),
+    ],
+)
 def test_wrong_usage_ends_with_2(capsys, arguments, said):
     status, _, err = run(capsys, *arguments)
     assert status == 2 and said in err, err
@@ -368,7 +537,7 @@ def test_help_teaches(capsys, command):
 def test_the_layout_in_the_help_is_one(capsys):
     _, out, _ = run(capsys, 'check', '--help')
     begin = out.index('  x:\n')
-    Path('help.yaml').write_text(out[begin:out.index('  The parameter file of sim')])
+    Path('help.yaml').write_text(out[begin : out.index('  The parameter file of sim')])
     config = write('axes.yaml', {'x': demo()})
     assert run(capsys, 'check', config, '--layout', 'help.yaml')[0] == 0
     assert run(capsys, 'run', config, '--layout', 'help.yaml')[0] == 0
@@ -382,9 +551,16 @@ def on_a_terminal(*arguments, **environment):
     lead, follow = pty.openpty()
     plain = {name: value for name, value in os.environ.items() if name != 'NO_COLOR'}
     child = subprocess.Popen(
-        [sys.executable, '-c', 'import sys; from homing_node.cli import main; sys.exit(main())',
-         *map(str, arguments)], stdout=follow, stderr=follow,
-        env={**plain, 'TERM': 'xterm-256color', 'COLUMNS': '100', **environment})
+        [
+            sys.executable,
+            '-c',
+            'import sys; from homing_node.cli import main; sys.exit(main())',
+            *map(str, arguments),
+        ],
+        stdout=follow,
+        stderr=follow,
+        env={**plain, 'TERM': 'xterm-256color', 'COLUMNS': '100', **environment},
+    )
     os.close(follow)
     parts = []
     while True:
@@ -410,39 +586,60 @@ def test_colours_where_a_terminal_is():
 
 
 def test_progress_where_a_terminal_is():
-    status, out = on_a_terminal('run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts',
-                                '--starts', '5')
+    status, out = on_a_terminal(
+        'run', DEMO, '--layout', PLANT, '--axis', 'x', '--all-starts', '--starts', '5'
+    )
     assert status == 0 and '100%' in out
 
 
 def test_a_closed_pipe_is_no_error():
-    code = ('import sys; from homing_node.cli import main; sys.exit(main())')
-    child = subprocess.Popen([sys.executable, '-c', code, 'diagram', 'HSHS'],
-                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    code = 'import sys; from homing_node.cli import main; sys.exit(main())'
+    child = subprocess.Popen(
+        [sys.executable, '-c', code, 'diagram', 'HSHS'],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     child.stdout.close()
     err = child.stderr.read()
     child.stderr.close()
     assert child.wait() in (0, 120) and b'Traceback' not in err
 
 
-@pytest.mark.parametrize('arguments', [
-    ['check', DEMO], ['check', DEMO, '--json'], ['diagram', 'HSHS'],
-    ['run', DEMO, '--layout', PLANT]])
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        ['check', DEMO],
+        ['check', DEMO, '--json'],
+        ['diagram', 'HSHS'],
+        ['run', DEMO, '--layout', PLANT],
+    ],
+)
 def test_a_full_device_is_told_in_a_line(arguments):
-    code = ('import sys; from homing_node.cli import main; sys.exit(main())')
+    code = 'import sys; from homing_node.cli import main; sys.exit(main())'
     with open('/dev/full', 'w') as full:
-        done = subprocess.run([sys.executable, '-c', code, *arguments], stdout=full,
-                              stderr=subprocess.PIPE, text=True)
+        done = subprocess.run(
+            [sys.executable, '-c', code, *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
     assert (done.returncode, done.stderr) == (
-        2, 'homing: the output cannot be written: No space left on device\n')
+        2,
+        'homing: the output cannot be written: No space left on device\n',
+    )
 
 
 def test_no_ros_is_needed():
     """The command works where rclpy cannot be imported, and checks without matplotlib."""
-    code = ("import sys; sys.modules['rclpy'] = sys.modules['matplotlib'] = None\n"
-            'from homing_node.cli import main; sys.exit(main())')
-    done = subprocess.run([sys.executable, '-c', code, 'check', DEMO, '--layout', PLANT],
-                          capture_output=True, text=True)
+    code = (
+        "import sys; sys.modules['rclpy'] = sys.modules['matplotlib'] = None\n"
+        'from homing_node.cli import main; sys.exit(main())'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code, 'check', DEMO, '--layout', PLANT],
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
 
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files: the examples home as they stand, and a file reads here as it does in ROS."""
 
 from math import isnan, pi
@@ -22,6 +23,7 @@ HYSTERESIS = 0.00005
 
 # -- the examples ---------------------------------------------------------------------------------
 
+
 def closed(low, high):
     """Return a normally closed switch."""
     return SwitchLayout(low, high, HYSTERESIS, inverted=True)
@@ -31,10 +33,16 @@ def homes_negative(travel, index_offset):
     """Return an axis with limits at its ends, a home switch near the lower one, and an index."""
     return AxisLayout(
         (-0.005, travel + 0.005),
-        {'negative_limit_switch': SwitchLayout(-1.0, 0.0),
-         'positive_limit_switch': SwitchLayout(travel, 1.0),
-         'home_switch': SwitchLayout(0.02, 0.03, HYSTERESIS)},
-        index_pitch=0.01, index_offset=index_offset, lag=0.005, start=0.1)
+        {
+            'negative_limit_switch': SwitchLayout(-1.0, 0.0),
+            'positive_limit_switch': SwitchLayout(travel, 1.0),
+            'home_switch': SwitchLayout(0.02, 0.03, HYSTERESIS),
+        },
+        index_pitch=0.01,
+        index_offset=index_offset,
+        lag=0.005,
+        start=0.1,
+    )
 
 
 def simulated_axes():
@@ -46,29 +54,46 @@ MACHINES = {
     'one_axis.yaml': lambda: {'x': (simulated_axes()['x'], 0.150)},
     'demo.yaml': lambda: {
         axis: (simulated_axes()[axis], home)
-        for axis, home in {'x': 0.150, 'y': 0.0563, 'z': 0.150}.items()},
+        for axis, home in {'x': 0.150, 'y': 0.0563, 'z': 0.150}.items()
+    },
     'xyz.yaml': lambda: {
         'x': (homes_negative(0.4, 0.004), 0.034),
         'y': (homes_negative(0.3, 0.0065), 0.0365),
-        'z': (AxisLayout(
-            (-0.003, 0.123),
-            {'negative_limit_switch': SwitchLayout(-1.0, 0.0),
-             'positive_limit_switch': SwitchLayout(0.119, 1.0),
-             'home_switch': SwitchLayout(0.105, 0.111, HYSTERESIS)},
-            lag=0.005, start=0.115), 0.105)},
+        'z': (
+            AxisLayout(
+                (-0.003, 0.123),
+                {
+                    'negative_limit_switch': SwitchLayout(-1.0, 0.0),
+                    'positive_limit_switch': SwitchLayout(0.119, 1.0),
+                    'home_switch': SwitchLayout(0.105, 0.111, HYSTERESIS),
+                },
+                lag=0.005,
+                start=0.115,
+            ),
+            0.105,
+        ),
+    },
     'rotary_index.yaml': lambda: {
-        'c': (AxisLayout((-50.0, 50.0), {}, index_pitch=2 * pi, index_offset=1.0, lag=0.005),
-              1.0)},
+        'c': (AxisLayout((-50.0, 50.0), {}, index_pitch=2 * pi, index_offset=1.0, lag=0.005), 1.0)
+    },
     'near_external.yaml': lambda: {
-        'x': (AxisLayout(
-            (0.0, 0.3),
-            {'negative_limit_switch': closed(-1.0, 0.01),
-             'external_negative_limit_switch': closed(-1.0, 0.02),
-             'near_negative_limit_switch': closed(-1.0, 0.03),
-             'near_positive_limit_switch': closed(0.27, 1.0),
-             'external_positive_limit_switch': closed(0.28, 1.0),
-             'positive_limit_switch': closed(0.29, 1.0)},
-            lag=0.005, start=0.1), 0.27)},
+        'x': (
+            AxisLayout(
+                (0.0, 0.3),
+                {
+                    'negative_limit_switch': closed(-1.0, 0.01),
+                    'external_negative_limit_switch': closed(-1.0, 0.02),
+                    'near_negative_limit_switch': closed(-1.0, 0.03),
+                    'near_positive_limit_switch': closed(0.27, 1.0),
+                    'external_positive_limit_switch': closed(0.28, 1.0),
+                    'positive_limit_switch': closed(0.29, 1.0),
+                },
+                lag=0.005,
+                start=0.1,
+            ),
+            0.27,
+        )
+    },
 }
 
 
@@ -92,14 +117,19 @@ def test_order_of_the_xyz_machine():
 
 # -- what rcl makes of a file ---------------------------------------------------------------------
 
+
 def by_rcl(path):
     """Return the parameters that rcl reads for /homing_node; an empty list is not set then."""
     context = Context()
-    rclpy.init(args=['--ros-args', '--params-file', str(path)], context=context,
-               signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(
+        args=['--ros-args', '--params-file', str(path)],
+        context=context,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
     try:
-        node = Node('homing_node', context=context, enable_rosout=False,
-                    start_parameter_services=False)
+        node = Node(
+            'homing_node', context=context, enable_rosout=False, start_parameter_services=False
+        )
         found = {name: p.value for name, p in node._parameter_overrides.items()}
         node.destroy_node()
     finally:
@@ -109,11 +139,13 @@ def by_rcl(path):
 
 def plain(values):
     """Make values comparable: a kind beside each, a list as a list, NaN as a word."""
+
     def one(value):
         if value is not None and hasattr(value, '__iter__') and not isinstance(value, str):
             return [one(item) for item in value]
         nan = isinstance(value, float) and isnan(value)
         return type(value).__name__, 'nan' if nan else value
+
     return {name: one(value) for name, value in values.items()}
 
 
@@ -165,9 +197,23 @@ def test_values_are_read_as_rcl_reads_them(tmp_path):
     assert plain(read(path).values) == {**plain(by_rcl(path)), 'empty_list': []}
 
 
-@pytest.mark.parametrize('name', [
-    'homing_node', '/homing_node', '/**', '/*', '/**/homing_node', '/**/*', '/*/homing_node',
-    '/cell/homing_node', 'other', '/**/other', '/:\n  homing_node', '/**:\n  homing_node'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        'homing_node',
+        '/homing_node',
+        '/**',
+        '/*',
+        '/**/homing_node',
+        '/**/*',
+        '/*/homing_node',
+        '/cell/homing_node',
+        'other',
+        '/**/other',
+        '/:\n  homing_node',
+        '/**:\n  homing_node',
+    ],
+)
 def test_blocks_are_chosen_as_rcl_chooses_them(tmp_path, name):
     path = tmp_path / 'blocks.yaml'
     indent = '    ' if '\n' in name else '  '
@@ -181,15 +227,19 @@ def test_blocks_are_chosen_as_rcl_chooses_them(tmp_path, name):
 
 def test_last_block_wins(tmp_path):
     path = tmp_path / 'two.yaml'
-    path.write_text('homing_node:\n  ros__parameters: {a: 1, b: 1}\n'
-                    '/**:\n  ros__parameters: {b: 2}\n')
+    path.write_text(
+        'homing_node:\n  ros__parameters: {a: 1, b: 1}\n/**:\n  ros__parameters: {b: 2}\n'
+    )
     assert read(path).values == by_rcl(path) == {'a': 1, 'b': 2}
 
 
 MALFORMED = {
     'mixed list': (b'/**:\n  ros__parameters:\n    axes: [x, y]\n', 3, 'quote the names'),
-    'integers among reals': (b'/**:\n  ros__parameters:\n    a: [1, 2.0]\n', 3,
-                             'a list of float and int'),
+    'integers among reals': (
+        b'/**:\n  ros__parameters:\n    a: [1, 2.0]\n',
+        3,
+        'a list of float and int',
+    ),
     'no value': (b'/**:\n  ros__parameters:\n    a: 1\n    b:\n', 4, 'b: no value'),
     'empty mapping': (b'/**:\n  ros__parameters:\n    a: {}\n    b: 1\n', 3, 'a: no value'),
     'alias': (b'/**:\n  ros__parameters:\n    a: &q 1\n    b: *q\n', 4, 'no aliases'),
@@ -224,11 +274,17 @@ def test_malformed_file(tmp_path, name):
         by_rcl(path)
 
 
-@pytest.mark.parametrize(('data', 'text'), [
-    (None, 'No such file or directory'),
-    (b'', 'no parameters for /homing_node'),
-    (b'other:\n  ros__parameters: {a: 1}\n', 'no parameters for /homing_node, only for /other'),
-])
+@pytest.mark.parametrize(
+    ('data', 'text'),
+    [
+        (None, 'No such file or directory'),
+        (b'', 'no parameters for /homing_node'),
+        (
+            b'other:\n  ros__parameters: {a: 1}\n',
+            'no parameters for /homing_node, only for /other',
+        ),
+    ],
+)
 def test_nothing_for_the_node(tmp_path, data, text):
     path = tmp_path / 'axes.yaml'
     if data is not None:
@@ -240,8 +296,10 @@ def test_nothing_for_the_node(tmp_path, data, text):
 
 def test_another_namespace(tmp_path):
     path = tmp_path / 'axes.yaml'
-    path.write_text('/cell/homing_node:\n  ros__parameters:\n    axes: ["x"]\n'
-                    '    x: {home_type: CurrentPos, travel: 1}\n')
+    path.write_text(
+        '/cell/homing_node:\n  ros__parameters:\n    axes: ["x"]\n'
+        '    x: {home_type: CurrentPos, travel: 1}\n'
+    )
     assert load(path, '/cell/homing_node').axes['x'].travel == 1.0
 
 
@@ -263,10 +321,13 @@ def test_faults_have_their_lines(tmp_path):
 """)
     with pytest.raises(InvalidParameters) as caught:
         load(path)
-    assert sorted(caught.value.faults) == sorted([
-        f"{path}:4: updaterate: no such parameter; did you mean 'update_rate'?",
-        f"{path}:7: x.travle: no such parameter; did you mean 'travel'?",
-        f"{path}:8: x.homing_velocity_fast: 'fast' is not a number (m/s)",
-        f'{path}:5: x.travel: required, but not set (mechanical travel of the axis, m)',
-        f'{path}:12: z.homing_velocity_slow: 0.5 m/s must be <= homing_velocity_fast, 0.05 m/s',
-    ])
+    assert sorted(caught.value.faults) == sorted(
+        [
+            f"{path}:4: updaterate: no such parameter; did you mean 'update_rate'?",
+            f"{path}:7: x.travle: no such parameter; did you mean 'travel'?",
+            f"{path}:8: x.homing_velocity_fast: 'fast' is not a number (m/s)",
+            f'{path}:5: x.travel: required, but not set (mechanical travel of the axis, m)',
+            f'{path}:12: z.homing_velocity_slow: 0.5 m/s must be <= homing_velocity_fast, '
+            '0.05 m/s',
+        ]
+    )

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """All parameters of the node: names, values, faults."""
 
 import pytest
@@ -45,11 +46,21 @@ def test_defaults():
 
 
 def test_everything_set():
-    checked = configuration({
-        'axes': ['z', 'a_1'], 'update_rate': 500, 'cycle_timeout': 1,
-        'setpoint_interface': 'position', 'home_sequence': ['a_1', 'z'],
-        'z.home_type': 'HSHS', 'z.travel': 1, 'z.joint': 'joint_z',
-        'z.topics.home_switch': '/io/z', 'a_1.home_type': 'LS', 'a_1.travel': 0.5})
+    checked = configuration(
+        {
+            'axes': ['z', 'a_1'],
+            'update_rate': 500,
+            'cycle_timeout': 1,
+            'setpoint_interface': 'position',
+            'home_sequence': ['a_1', 'z'],
+            'z.home_type': 'HSHS',
+            'z.travel': 1,
+            'z.joint': 'joint_z',
+            'z.topics.home_switch': '/io/z',
+            'a_1.home_type': 'LS',
+            'a_1.travel': 0.5,
+        }
+    )
     assert list(checked.axes) == ['z', 'a_1']
     assert checked.update_rate == 500.0
     assert isinstance(checked.update_rate, float)
@@ -61,25 +72,44 @@ def test_everything_set():
 
 
 def test_what_every_ros_node_has_is_no_fault():
-    configuration({
-        **flat(), 'use_sim_time': True, 'start_type_description_service': False,
-        f'{QOS}.durability': 'transient_local', f'{QOS}.reliability': 'BEST_EFFORT',
-        f'{QOS}.history': 'keep_last', f'{QOS}.depth': 5})
+    configuration(
+        {
+            **flat(),
+            'use_sim_time': True,
+            'start_type_description_service': False,
+            f'{QOS}.durability': 'transient_local',
+            f'{QOS}.reliability': 'BEST_EFFORT',
+            f'{QOS}.history': 'keep_last',
+            f'{QOS}.depth': 5,
+        }
+    )
 
 
-@pytest.mark.parametrize(('name', 'value', 'parts'), [
-    ('use_sim_time', 5, ['use_sim_time: 5', 'true or false']),
-    (f'{QOS}.durablity', 'transient_local',
-     [f"{QOS}.durablity: 'durablity'", "did you mean 'durability'"]),
-    (f'{QOS}.durability', 'transient-local',
-     [f"{QOS}.durability: 'transient-local'", "did you mean 'transient_local'"]),
-    (f'{QOS}.reliability', True, [f'{QOS}.reliability: True', 'best_effort']),
-    (f'{QOS}.depth', 'ten', [f"{QOS}.depth: 'ten' is not an integer"]),
-    (f'{QOS}.depth', 0, [f'{QOS}.depth: 0', '>= 1']),
-    (QOS.replace('subscription', 'subscriber') + '.depth', 1,
-     ['/x/home_switch.subscriber.depth: ', '<subscription|publisher>']),
-    ('qos_overrides.depth', 1, ['qos_overrides.depth: ', '<policy>']),
-])
+@pytest.mark.parametrize(
+    ('name', 'value', 'parts'),
+    [
+        ('use_sim_time', 5, ['use_sim_time: 5', 'true or false']),
+        (
+            f'{QOS}.durablity',
+            'transient_local',
+            [f"{QOS}.durablity: 'durablity'", "did you mean 'durability'"],
+        ),
+        (
+            f'{QOS}.durability',
+            'transient-local',
+            [f"{QOS}.durability: 'transient-local'", "did you mean 'transient_local'"],
+        ),
+        (f'{QOS}.reliability', True, [f'{QOS}.reliability: True', 'best_effort']),
+        (f'{QOS}.depth', 'ten', [f"{QOS}.depth: 'ten' is not an integer"]),
+        (f'{QOS}.depth', 0, [f'{QOS}.depth: 0', '>= 1']),
+        (
+            QOS.replace('subscription', 'subscriber') + '.depth',
+            1,
+            ['/x/home_switch.subscriber.depth: ', '<subscription|publisher>'],
+        ),
+        ('qos_overrides.depth', 1, ['qos_overrides.depth: ', '<policy>']),
+    ],
+)
 def test_a_fault_of_what_every_ros_node_has(name, value, parts):
     (fault,) = faults({**flat(), name: value})
     for part in parts:
@@ -91,41 +121,48 @@ def test_an_axis_that_is_named_twice_has_its_faults_told_once():
     assert sum('x.travel' in fault for fault in found) == 1
 
 
-@pytest.mark.parametrize(('changes', 'parts'), [
-    ({'axes': None}, ['axes: required']),
-    ({'axes': []}, ['axes: no axis is named']),
-    ({'axes': 'x'}, ['axes', 'quote']),
-    ({'axes': [True]}, ['axes', 'quote']),
-    ({'axes': 5}, ['axes: 5', 'list of strings']),
-    ({'axes': ['x', 'x']}, ['axes', 'twice']),
-    ({'axes': ['2x']}, ["'2x'", 'a letter']),
-    ({'axes': ['x-1']}, ["'x-1'"]),
-    ({'axes': ['']}, ["''"]),
-    ({'x__travel': None}, ['x.travel: required', 'm']),
-    ({'x__home_type': None}, ['x.home_type: required']),
-    ({'x__travel': 0}, ['x.travel', '0', '> 0 m']),
-    ({'x__homing_velocity_fst': 0.1},
-     ['x.homing_velocity_fst', "did you mean 'homing_velocity_fast'"]),
-    ({'x__topics__home_swich': '/a'}, ['x.topics.home_swich']),
-    ({'x__topics__home_switch': 5}, ['x.topics.home_switch', 'a string']),
-    ({'x__topics__home_switch': 'a b'}, ['x.topics.home_switch', "'a b'"]),
-    ({'x__topics__home_switch': '/a//b'}, ['x.topics.home_switch', "'/a//b'"]),
-    ({'x__topics__home_switch': '/1'}, ['x.topics.home_switch', "'/1'"]),
-    ({'x__homing_velocity_slow': 0.1}, ['x.homing_velocity_slow', '0.1 m/s', '0.05 m/s']),
-    ({'z__travel': 1.0}, ['z.travel', "'z' is none of the axes x"]),
-    ({'update_rat': 250.0}, ['update_rat', "did you mean 'update_rate'"]),
-    ({'update_rate': 0.5}, ['update_rate: 0.5 Hz must be >= 1']),
-    ({'update_rate': 1e4}, ['update_rate', '<= 2000 Hz']),
-    ({'update_rate': True}, ['update_rate', 'a number']),
-    ({'cycle_timeout': 0.0}, ['cycle_timeout', '> 0 s']),
-    ({'setpoint_interface': 'velocity'},
-     ['setpoint_interface', "'velocity'", 'trajectory, position']),
-    ({'home_sequence': ['x, q']}, ['home_sequence', "'q'"]),
-    ({'home_sequence': ['x', 'x']}, ['home_sequence', 'twice']),
-    ({'home_sequence': 'x'}, ['home_sequence', 'list of strings']),
-    ({'home_sequence': True}, ['home_sequence: True', 'list of strings']),
-    ({'home_sequence': 5.0}, ['home_sequence: 5.0', 'list of strings']),
-])
+@pytest.mark.parametrize(
+    ('changes', 'parts'),
+    [
+        ({'axes': None}, ['axes: required']),
+        ({'axes': []}, ['axes: no axis is named']),
+        ({'axes': 'x'}, ['axes', 'quote']),
+        ({'axes': [True]}, ['axes', 'quote']),
+        ({'axes': 5}, ['axes: 5', 'list of strings']),
+        ({'axes': ['x', 'x']}, ['axes', 'twice']),
+        ({'axes': ['2x']}, ["'2x'", 'a letter']),
+        ({'axes': ['x-1']}, ["'x-1'"]),
+        ({'axes': ['']}, ["''"]),
+        ({'x__travel': None}, ['x.travel: required', 'm']),
+        ({'x__home_type': None}, ['x.home_type: required']),
+        ({'x__travel': 0}, ['x.travel', '0', '> 0 m']),
+        (
+            {'x__homing_velocity_fst': 0.1},
+            ['x.homing_velocity_fst', "did you mean 'homing_velocity_fast'"],
+        ),
+        ({'x__topics__home_swich': '/a'}, ['x.topics.home_swich']),
+        ({'x__topics__home_switch': 5}, ['x.topics.home_switch', 'a string']),
+        ({'x__topics__home_switch': 'a b'}, ['x.topics.home_switch', "'a b'"]),
+        ({'x__topics__home_switch': '/a//b'}, ['x.topics.home_switch', "'/a//b'"]),
+        ({'x__topics__home_switch': '/1'}, ['x.topics.home_switch', "'/1'"]),
+        ({'x__homing_velocity_slow': 0.1}, ['x.homing_velocity_slow', '0.1 m/s', '0.05 m/s']),
+        ({'z__travel': 1.0}, ['z.travel', "'z' is none of the axes x"]),
+        ({'update_rat': 250.0}, ['update_rat', "did you mean 'update_rate'"]),
+        ({'update_rate': 0.5}, ['update_rate: 0.5 Hz must be >= 1']),
+        ({'update_rate': 1e4}, ['update_rate', '<= 2000 Hz']),
+        ({'update_rate': True}, ['update_rate', 'a number']),
+        ({'cycle_timeout': 0.0}, ['cycle_timeout', '> 0 s']),
+        (
+            {'setpoint_interface': 'velocity'},
+            ['setpoint_interface', "'velocity'", 'trajectory, position'],
+        ),
+        ({'home_sequence': ['x, q']}, ['home_sequence', "'q'"]),
+        ({'home_sequence': ['x', 'x']}, ['home_sequence', 'twice']),
+        ({'home_sequence': 'x'}, ['home_sequence', 'list of strings']),
+        ({'home_sequence': True}, ['home_sequence: True', 'list of strings']),
+        ({'home_sequence': 5.0}, ['home_sequence: 5.0', 'list of strings']),
+    ],
+)
 def test_a_fault(changes, parts):
     found = faults(flat(**changes))
     assert any(all(part in fault for part in parts) for fault in found), found
@@ -138,17 +175,24 @@ def test_names_of_the_node_are_no_axes(name):
 
 
 def test_all_faults_at_once():
-    found = faults({
-        **flat(update_rate=-1.0, x__travel=-1.0, x__foo=1, x__home_type='ABC', bar=2),
-        'home_sequence': ['q']})
+    found = faults(
+        {
+            **flat(update_rate=-1.0, x__travel=-1.0, x__foo=1, x__home_type='ABC', bar=2),
+            'home_sequence': ['q'],
+        }
+    )
     for part in ('update_rate', 'x.travel', 'x.foo', "'ABC'", 'bar', "'q'"):
         assert sum(part in fault for fault in found) == 1, found
 
 
 def test_two_axes_with_one_joint():
-    found = faults({'axes': ['a', 'b'], **{
-        f'{axis}.{name}': value for axis in 'ab' for name, value in AXIS.items()},
-        'b.joint': 'a'})
+    found = faults(
+        {
+            'axes': ['a', 'b'],
+            **{f'{axis}.{name}': value for axis in 'ab' for name, value in AXIS.items()},
+            'b.joint': 'a',
+        }
+    )
     assert found == ("b.joint: 'a' is already the joint of axis a",)
 
 

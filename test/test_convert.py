@@ -1,5 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages and descriptors."""
-
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -21,8 +21,9 @@ def axis():
     return axis
 
 
-@pytest.mark.parametrize('spec', [*NODE_SPECS.values(), *AXIS_SPECS.values()],
-                         ids=lambda spec: spec.name)
+@pytest.mark.parametrize(
+    'spec', [*NODE_SPECS.values(), *AXIS_SPECS.values()], ids=lambda spec: spec.name
+)
 def test_descriptors(spec):
     described = convert.descriptor(spec)
     assert described.dynamic_typing  # integers for real numbers
@@ -42,7 +43,10 @@ def test_descriptors(spec):
 
 def test_plain_values():
     assert convert.plain(AXIS_SPECS['switches'].default) == [
-        'home_switch', 'positive_limit_switch', 'negative_limit_switch']
+        'home_switch',
+        'positive_limit_switch',
+        'negative_limit_switch',
+    ]
     for value in (AXIS_SPECS['ls_type'].default, Input.Z_PULSE):
         assert type(convert.plain(value)) is str
     assert convert.plain(5) == 5
@@ -77,7 +81,8 @@ def test_numbers_are_cast():
 def test_home_message():
     homed = Outcome(Error.NoError, '', 0.123456789123, -0.5, 1.23456e-5)
     assert convert.home_message({'x': homed}) == (
-        'Homed: home_position_raw=0.123456789123 home_offset=-0.5 uncertainty=1.23e-05')
+        'Homed: home_position_raw=0.123456789123 home_offset=-0.5 uncertainty=1.23e-05'
+    )
     failed = Outcome(Error.LSTriggered, 'axis x: …')
     canceled = Outcome(Error.Canceled, 'axis y: …')
     outcomes = {'z': homed, 'y': canceled}

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The state diagrams say what the tables say, and so do the committed pages."""
 
 import re
@@ -16,7 +17,8 @@ from homing_node.procedures.tables import HOMED, PROCEDURES, Procedure
 
 TYPES = Path(__file__).resolve().parent.parent / 'doc' / 'types'
 every_type = pytest.mark.parametrize(
-    'procedure', PROCEDURES.values(), ids=[str(home_type) for home_type in PROCEDURES])
+    'procedure', PROCEDURES.values(), ids=[str(home_type) for home_type in PROCEDURES]
+)
 
 
 @every_type
@@ -43,16 +45,22 @@ def test_boxes_are_entered_at_their_first_row(procedure: Procedure) -> None:
 
 @every_type
 def test_an_event_leads_out_of_a_box_to_one_place(procedure: Procedure) -> None:
-    assert not [key for key, count in Counter(
-        (arrow.source, arrow.label) for arrow in arrows(procedure)).items() if count > 1]
+    assert not [
+        key
+        for key, count in Counter(
+            (arrow.source, arrow.label) for arrow in arrows(procedure)
+        ).items()
+        if count > 1
+    ]
 
 
 @every_type
 def test_every_search_has_its_error(procedure: Procedure) -> None:
     failing = {arrow.source for arrow in bounds(procedure)}
     for box in boxes(procedure):
-        searches = [procedure.rows[s] for s in box.steps
-                    if procedure.rows[s].motion.kind is Kind.SEARCH]
+        searches = [
+            procedure.rows[s] for s in box.steps if procedure.rows[s].motion.kind is Kind.SEARCH
+        ]
         assert (box.name in failing) == bool(searches)
 
 
@@ -65,7 +73,8 @@ def test_mermaid_has_every_arrow_of_the_table(procedure: Procedure) -> None:
         for box in boxes(procedure)
         for step in box.steps
         for event, target in procedure.rows[step].on.items()
-        if target in box.steps)
+        if target in box.steps
+    )
     outer = Counter(arrow.label for arrow in (*arrows(procedure), *bounds(procedure)))
     assert labels == inner + outer
     assert text.count('{') == text.count('}')
@@ -75,7 +84,9 @@ def test_mermaid_has_every_arrow_of_the_table(procedure: Procedure) -> None:
 
 
 def test_mermaid_as_it_is_written() -> None:
-    assert mermaid(PROCEDURES[HomeType.TouchProbe]) == """\
+    assert (
+        mermaid(PROCEDURES[HomeType.TouchProbe])
+        == """\
 stateDiagram-v2
     [*] --> TouchProbeSearch
     state "TouchProbeSearch<br>toward, slow" as TouchProbeSearch
@@ -93,6 +104,7 @@ stateDiagram-v2
     classDef error fill:#fbe3d6,stroke:#d55e00,color:#7a3000
     class SearchDistanceExceeded error
 """
+    )
 
 
 def test_mermaid_of_some_states_only() -> None:
@@ -122,7 +134,8 @@ def test_boxes_do_not_overlap_in_svg(procedure: Procedure) -> None:
     frames = [
         tuple(float(each.attrib[key]) for key in ('x', 'y', 'width', 'height'))
         for each in drawn.iter('{http://www.w3.org/2000/svg}rect')
-        if each.get('rx') == '6' and each.get('fill') == 'none']
+        if each.get('rx') == '6' and each.get('fill') == 'none'
+    ]
     assert len(frames) == len(boxes(procedure))
     for (x, y, width, height), (u, v, wide, tall) in combinations(frames, 2):
         assert x + width <= u or u + wide <= x or y + height <= v or v + tall <= y

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who homes what, and who gets which answer."""
 
 import pytest
@@ -81,8 +82,9 @@ def test_an_axis_may_home_again_as_soon_as_the_answer_is_given(dispatch, axes):
 
 
 def test_an_axis_that_is_not_ready_is_not_started(axes):
-    dispatch = Dispatch(axes, (), lambda name: (
-        Outcome(Error.PublisherConflict, 'two') if name == 'y' else None))
+    dispatch = Dispatch(
+        axes, (), lambda name: Outcome(Error.PublisherConflict, 'two') if name == 'y' else None
+    )
     assert dispatch.home(['x', 'y'], 'me', 0.0).error is Error.PublisherConflict
     assert not running(axes)
     assert dispatch.idle

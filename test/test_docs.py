@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The documentation: its links and tables, and every block that a reader may copy.
 
 The commands run against real nodes as far as this goes without the `ros2` command, which is not on
@@ -72,10 +73,11 @@ def commands(first):
     """Return the words of every documented command that begins with these words."""
     lines = [line for b in BLOCKS if b.language == 'bash' for line in b.text.splitlines()]
     words = [shlex.split(line, comments=True) for line in lines]
-    return [w for w in words if w[:len(first)] == list(first)]
+    return [w for w in words if w[: len(first)] == list(first)]
 
 
 # -- what needs no node ---------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_links(page):
@@ -128,15 +130,29 @@ def test_yaml(block, tmp_path):
 def test_homing_commands(tmp_path, monkeypatch, capsys):
     """What other pages than the tutorial show of the command line works on README's axis."""
     pages = [b.text for b in BLOCKS if b.language == 'bash' and b.page != TUTORIAL]
-    found = [shlex.split(line, comments=True) for text in pages for line in text.splitlines()
-             if line.startswith('homing ')]
+    found = [
+        shlex.split(line, comments=True)
+        for text in pages
+        for line in text.splitlines()
+        if line.startswith('homing ')
+    ]
     assert {words[1] for words in found} >= {'check', 'run', 'diagram'}
     monkeypatch.chdir(tmp_path)
     Path('axes.yaml').write_text(axes_yaml())
-    Path('machine.yaml').write_text(yaml.safe_dump({'x': {
-        'hard_stops': [0.0, 0.4], 'negative_limit_switch': [-0.1, 0.01],
-        'positive_limit_switch': [0.39, 0.5], 'home_switch': [0.1, 0.12], 'start': 0.2,
-        'inverted': ['home_switch']}}))
+    Path('machine.yaml').write_text(
+        yaml.safe_dump(
+            {
+                'x': {
+                    'hard_stops': [0.0, 0.4],
+                    'negative_limit_switch': [-0.1, 0.01],
+                    'positive_limit_switch': [0.39, 0.5],
+                    'home_switch': [0.1, 0.12],
+                    'start': 0.2,
+                    'inverted': ['home_switch'],
+                }
+            }
+        )
+    )
     for words in found:
         assert main(words[1:]) == 0, (words, capsys.readouterr().out)
 
@@ -148,16 +164,24 @@ def test_the_tutorial(tmp_path):
         if block.language == 'bash':
             script.append(block.text.replace('make venv\n. .venv/bin/activate\n', ''))
         else:
-            before = TUTORIAL.read_text()[:TUTORIAL.read_text().index(block.text)]
+            before = TUTORIAL.read_text()[: TUTORIAL.read_text().index(block.text)]
             name = re.findall(r'`(\w+\.(?:yaml|py))`', before)[-1]
             script.append(f"cat > {name} <<'END'\n{block.text}END\n")
     domain = ros.Domain()
     try:
         ran = subprocess.run(
-            ['bash', '-c', '\n'.join(script)], cwd=tmp_path, capture_output=True, text=True,
-            timeout=90, check=False,
-            env={**os.environ, 'ROS_DOMAIN_ID': str(domain.number),
-                 'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}'})
+            ['bash', '-c', '\n'.join(script)],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=90,
+            check=False,
+            env={
+                **os.environ,
+                'ROS_DOMAIN_ID': str(domain.number),
+                'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}',
+            },
+        )
     finally:
         domain.release()
     output = ran.stdout + ran.stderr
@@ -234,8 +258,10 @@ def test_every_limit_switch_type_is_explained():
 def findings():
     """Return every word that a finding can have, from the calls that make them."""
     place = {'found': 1, 'Finding': 2, '_beyond': 2}
-    for path in [*(ROOT / 'homing_node' / 'check').glob('*.py'),
-                 ROOT / 'homing_node' / 'cli' / 'check.py']:
+    for path in [
+        *(ROOT / 'homing_node' / 'check').glob('*.py'),
+        ROOT / 'homing_node' / 'cli' / 'check.py',
+    ]:
         for call in ast.walk(ast.parse(path.read_text())):
             if isinstance(call, ast.Call):
                 name = getattr(call.func, 'attr', getattr(call.func, 'id', ''))
@@ -272,15 +298,26 @@ def test_every_test_is_named_in_contributing():
 def test_every_parameter_that_is_named_exists():
     text = ''.join(page.read_text() for page in PAGES if page.name != 'parameters.md')
     prefixes = ('homing_', 'home_', 'max_', 'invert_', 'switch_', 'mechanical_end_detection_')
-    known = {*SPECS, *Input, 'homing_node', 'homing_interfaces', 'home_sequence',
-             'home_position_raw', 'home_offset', 'home_types'}
+    known = {
+        *SPECS,
+        *Input,
+        'homing_node',
+        'homing_interfaces',
+        'home_sequence',
+        'home_position_raw',
+        'home_offset',
+        'home_types',
+    }
     named = {name for name in re.findall(r'`([a-z_]+)`', text) if name.startswith(prefixes)}
     assert named - known == set()
 
 
 def test_every_python_file_that_is_named_exists():
-    existing = {path.name for folder in ('homing_node', 'test', 'scripts')
-                for path in (ROOT / folder).rglob('*.py')}
+    existing = {
+        path.name
+        for folder in ('homing_node', 'test', 'scripts')
+        for path in (ROOT / folder).rglob('*.py')
+    }
     for page in PAGES:
         named = set(re.findall(r'(?<![\w.])(\w+\.py)\b', page.read_text()))
         written = {'home.py'} if page == TUTORIAL else set()
@@ -294,14 +331,23 @@ def test_number_of_home_types():
 
 # -- the commands, with the demo's nodes ----------------------------------------------------------
 
+
 @pytest.fixture(scope='module')
 def demo(tmp_path_factory):
     config = ROOT / 'config'
-    patient = [f'{name}:=1.0' for name in (  # a busy machine may hold something up
-        'cycle_timeout', *(f'{axis}.feedback_timeout' for axis in 'xyz'))]
-    with ros.World(tmp_path_factory.mktemp('demo'), (config / 'demo.yaml').read_text(),
-                   (config / 'simulated_axes.yaml').read_text(),
-                   arguments=[word for value in patient for word in ('-p', value)]) as world:
+    patient = [
+        f'{name}:=1.0'
+        for name in (  # a busy machine may hold something up
+            'cycle_timeout',
+            *(f'{axis}.feedback_timeout' for axis in 'xyz'),
+        )
+    ]
+    with ros.World(
+        tmp_path_factory.mktemp('demo'),
+        (config / 'demo.yaml').read_text(),
+        (config / 'simulated_axes.yaml').read_text(),
+        arguments=[word for value in patient for word in ('-p', value)],
+    ) as world:
         yield world
 
 
@@ -353,8 +399,15 @@ def test_parameter_commands(demo):
 
 
 def test_only_commands_that_are_tested():
-    tested = ('run', 'launch', 'service call', 'action send_goal', 'topic echo', 'param set',
-              'param describe')
+    tested = (
+        'run',
+        'launch',
+        'service call',
+        'action send_goal',
+        'topic echo',
+        'param set',
+        'param describe',
+    )
     for words in commands(['ros2']):
         assert ' '.join(words[1:]).startswith(tested), words
 
@@ -364,24 +417,37 @@ def test_python_homes(block, demo):
     demo.client.start('z')  # so the node has heard the plant
     demo.client.trigger('z/cancel')
     done = subprocess.run(
-        [sys.executable, '-c', block.text], capture_output=True, text=True, timeout=60,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(demo.domain.number),
-             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+        [sys.executable, '-c', block.text],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={
+            **os.environ,
+            'ROS_DOMAIN_ID': str(demo.domain.number),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        },
+    )
     assert done.stdout.startswith('Homed: home_position_raw='), (done.stdout, done.stderr)
 
 
 # -- README's own axis ----------------------------------------------------------------------------
 
 RUNS = commands(['ros2', 'run'])
-INTERFACES = {'~/setpoints': 'trajectory_msgs/msg/JointTrajectory',
-              '~/position_commands': 'std_msgs/msg/Float64MultiArray'}
+INTERFACES = {
+    '~/setpoints': 'trajectory_msgs/msg/JointTrajectory',
+    '~/position_commands': 'std_msgs/msg/Float64MultiArray',
+}
 
 
 @pytest.mark.parametrize('words', RUNS, ids=lambda words: words[-1])
 def test_run_commands(words, tmp_path):
     package, executable, ros_args, option, file, *arguments = words[2:]
     assert (package, ros_args, option, file) == (
-        'homing_node', '--ros-args', '--params-file', 'axes.yaml')
+        'homing_node',
+        '--ros-args',
+        '--params-file',
+        'axes.yaml',
+    )
     assert executable in ros.MAINS
     with ros.World(tmp_path, axes_yaml(), arguments=arguments) as world:
         remapped, _, name = arguments[arguments.index('-r') + 1].partition(':=')
@@ -393,8 +459,10 @@ def test_run_commands(words, tmp_path):
 def levels_of(configured, axis):
     """Return topic → the level of a switch that is off, for every wired switch of an axis."""
     parameters, topics = configured.axes[axis], configured.topics[axis]
-    return {topics.get(source, f'/homing_node/{axis}/{source}'): parameters.inverted(source)
-            for source in parameters.inputs}
+    return {
+        topics.get(source, f'/homing_node/{axis}/{source}'): parameters.inverted(source)
+        for source in parameters.inputs
+    }
 
 
 QOS_BLOCKS = [b for b in BLOCKS if 'qos_overrides' in b.text]
@@ -404,8 +472,11 @@ QOS_BLOCKS = [b for b in BLOCKS if 'qos_overrides' in b.text]
 @pytest.mark.parametrize('block', QOS_BLOCKS, ids=lambda b: b.id)
 def test_latching_driver(block, overridden, tmp_path):
     """Levels that were published once, before the node began, are heard with the block only."""
-    text = axes_yaml() if '/io/din3' in block.text else (
-        ROOT / 'config' / 'one_axis.yaml').read_text()
+    text = (
+        axes_yaml()
+        if '/io/din3' in block.text
+        else (ROOT / 'config' / 'one_axis.yaml').read_text()
+    )
     file = tmp_path / 'axes.yaml'
     file.write_text(text)
     configured = load(file)
@@ -425,8 +496,9 @@ def test_latching_driver(block, overridden, tmp_path):
         heard = client.record_states('x')
         if overridden:
             asking = client.asking_to_home('x')
-            moves = client.until(lambda: asking.answer() or any(
-                h.message.state == 'HSSearch' for h in heard))
+            moves = client.until(
+                lambda: asking.answer() or any(h.message.state == 'HSSearch' for h in heard)
+            )
             assert moves is True
             client.trigger('x/cancel')
             assert client.answer(asking.last).message.startswith('Canceled: ')
@@ -445,11 +517,19 @@ def test_latching_driver(block, overridden, tmp_path):
 
 # -- the tables of the ROS interface --------------------------------------------------------------
 
+
 @pytest.fixture(scope='module')
 def wired(tmp_path_factory):
     """Run a node with one axis and every input that there is."""
-    parameters = ros.node_parameters({'x': {
-        'switches': [str(i) for i in Input], 'near_ls_type': 'Dec', 'external_ls_type': 'Dec'}})
+    parameters = ros.node_parameters(
+        {
+            'x': {
+                'switches': [str(i) for i in Input],
+                'near_ls_type': 'Dec',
+                'external_ls_type': 'Dec',
+            }
+        }
+    )
     with ros.World(tmp_path_factory.mktemp('wired'), parameters) as world:
         yield world
 
@@ -471,25 +551,38 @@ def listed(title):
 def test_topics_of_the_interface(wired, title):
     """Types and QoS in the tables are those of the graph."""
     node = wired.client.node
-    ask = (node.get_subscriptions_info_by_topic if title == 'Inputs'
-           else node.get_publishers_info_by_topic)
+    ask = (
+        node.get_subscriptions_info_by_topic
+        if title == 'Inputs'
+        else node.get_publishers_info_by_topic
+    )
     for name, (_, kind, qos, _) in listed(title).items():
         ends = wired.client.until(
-            lambda n=name: [e for e in ask(n) if e.node_name == 'homing_node'], what=name)
+            lambda n=name: [e for e in ask(n) if e.node_name == 'homing_node'], what=name
+        )
         assert [e.topic_type.replace('/msg/', '/') for e in ends] == [kind.strip('`')], name
         profile = ends[0].qos_profile
-        assert (profile.reliability is ReliabilityPolicy.BEST_EFFORT) == (
-            'best effort' in qos), name
+        assert (profile.reliability is ReliabilityPolicy.BEST_EFFORT) == ('best effort' in qos), (
+            name
+        )
         assert (profile.durability is DurabilityPolicy.TRANSIENT_LOCAL) == (
-            'transient local' in qos), name
+            'transient local' in qos
+        ), name
 
 
 def test_no_input_is_missing_in_the_interface(wired):
     limits = {f'/homing_node/x/{limit}' for limit in LIMIT_SWITCHES}  # told by one row
-    wired.client.until(lambda: limits | set(listed('Inputs')) <= {
-        name for name, _ in wired.client.node.get_topic_names_and_types()})
-    subscribed = {name for name, _ in wired.client.node.get_subscriber_names_and_types_by_node(
-        'homing_node', '/') if name.startswith('/homing_node/')}
+    wired.client.until(
+        lambda: (
+            limits | set(listed('Inputs'))
+            <= {name for name, _ in wired.client.node.get_topic_names_and_types()}
+        )
+    )
+    subscribed = {
+        name
+        for name, _ in wired.client.node.get_subscriber_names_and_types_by_node('homing_node', '/')
+        if name.startswith('/homing_node/')
+    }
     assert subscribed | {'/joint_states'} == limits | set(listed('Inputs'))
 
 
@@ -504,7 +597,9 @@ def test_services_of_the_interface(wired):
         wired.client.until(lambda n=name, look=look: look(n), what=name)
         assert look(name) == f'{package}/{part}/{short}'
         seen.add(name)
-    own = {name for name, _ in node.get_service_names_and_types_by_node('homing_node', '/')
-           if 'parameter' not in name and 'type_description' not in name
-           and '/_action/' not in name}
+    own = {
+        name
+        for name, _ in node.get_service_names_and_types_by_node('homing_node', '/')
+        if 'parameter' not in name and 'type_description' not in name and '/_action/' not in name
+    }
     assert own == seen

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every scenario that goes wrong ends at home, or in a controlled stop with a named error.
 
 `make test-faults` prints the table of them; doc/faults.md has the same.
@@ -89,6 +90,7 @@ def test_the_page_is_generated():
 
 
 # -- for long -------------------------------------------------------------------------------------
+
 
 def test_a_thousand_homings_in_a_row():
     """Neither memory nor threads nor the time of a run grow."""

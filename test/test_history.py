@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an axis remembers of its runs."""
 
 import statistics
@@ -53,8 +54,11 @@ def test_an_axis_remembers_its_runs():
 
 
 def test_the_torque_limit_follows_the_search_of_the_mechanical_end():
-    made = rig('MechanicalEndDetectionHS', mechanical_end_detection_first_torque_limit=40,
-               mechanical_end_detection_second_torque_limit=10).rehearsal()
+    made = rig(
+        'MechanicalEndDetectionHS',
+        mechanical_end_detection_first_torque_limit=40,
+        mechanical_end_detection_second_torque_limit=10,
+    ).rehearsal()
     assert made.axis.torque_limit == 0.0
     made.axis.home(made.time)
     seen = []
@@ -67,8 +71,9 @@ def test_the_torque_limit_follows_the_search_of_the_mechanical_end():
 
 
 def test_without_a_second_torque_limit_the_first_one_stays():
-    made = rig('MechanicalEndDetection',
-               mechanical_end_detection_first_torque_limit=40).rehearsal()
+    made = rig(
+        'MechanicalEndDetection', mechanical_end_detection_first_torque_limit=40
+    ).rehearsal()
     made.axis.home(made.time)
     seen = set()
     while made.axis.running:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whole runs: the core against the simulated plant, for every type and both directions."""
 
 import math
@@ -46,7 +47,8 @@ BOTH_WAYS = pytest.mark.parametrize('direction', DIRECTIONS, ids=['positive', 'n
 SEARCHING_TYPES = pytest.mark.parametrize('home_type', TRUE_HOME, ids=str)
 #: Those whose next run finds the same place, not the next pulse.
 REPEATING_TYPES = pytest.mark.parametrize(
-    'home_type', [t for t in TRUE_HOME if t not in ('ZPulse', 'TouchProbe')], ids=str)
+    'home_type', [t for t in TRUE_HOME if t not in ('ZPulse', 'TouchProbe')], ids=str
+)
 REVERSING_TYPES = pytest.mark.parametrize('home_type', REVERSING, ids=str)
 ON_SWITCH_TYPES = pytest.mark.parametrize('home_type', REVERSING[:5], ids=str)
 OFF_SWITCH_TYPES = pytest.mark.parametrize('home_type', HS_OFF_TYPES, ids=str)
@@ -84,8 +86,9 @@ def test_from_before(home_type, direction):
 @BOTH_WAYS
 @REVERSING_TYPES
 @pytest.mark.parametrize(
-    'start', [0.0021, 0.0599, 0.06, 0.0601, 0.063, 0.0659, 0.066, 0.0661, 0.08, 0.0899, 0.09,
-              0.0901, 0.1])
+    'start',
+    [0.0021, 0.0599, 0.06, 0.0601, 0.063, 0.0659, 0.066, 0.0661, 0.08, 0.0899, 0.09, 0.0901, 0.1],
+)
 def test_home_switch_types_from_anywhere(home_type, direction, start):
     course = rig(home_type).home(direction, start)
     assert_homed(course, TRUE_HOME[home_type], direction)
@@ -110,10 +113,15 @@ def test_what_follows_a_home_switch_that_is_on_at_start(direction):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(('home_type', 'start'), [
-    (home_type, start) for home_type in LIMIT_TYPES
-    for start in (0.0021, 0.0799, 0.08, 0.085, 0.0851, 0.0899, 0.09, 0.095)
-    if start < 0.09 or home_type in LIMIT_TYPES[:2]])  # else beyond a normal limit
+@pytest.mark.parametrize(
+    ('home_type', 'start'),
+    [
+        (home_type, start)
+        for home_type in LIMIT_TYPES
+        for start in (0.0021, 0.0799, 0.08, 0.085, 0.0851, 0.0899, 0.09, 0.095)
+        if start < 0.09 or home_type in LIMIT_TYPES[:2]
+    ],
+)  # else beyond a normal limit
 def test_limit_types_from_anywhere(home_type, direction, start):
     one = rig(home_type)
     course = one.home(direction, start)
@@ -202,7 +210,8 @@ def test_a_momentary_limit_reverses(home_type, direction, width):
 def test_a_momentary_limit_that_was_overrun_still_blocks_the_home_shift(direction):
     """The home switch is at the limit; its overrun passes the limit, which is off again."""
     one = rig('HS', home_shift_distance=0.02).switched(
-        **{LIMIT_AHEAD: SwitchLayout(0.061, 0.0612)})
+        **{LIMIT_AHEAD: SwitchLayout(0.061, 0.0612)}
+    )
     course = one.home(direction)
     assert error_of(course) is Error.LSTriggered
     assert furthest(course, direction) < 0.07
@@ -216,22 +225,43 @@ def test_a_bounce_at_the_far_end_of_a_flag_that_is_overrun(home_type, direction,
     one = rig(home_type)
     name, low = (HS, 0.06) if home_type in REVERSING else target_of(one)
     one = one.switched(**{name: SwitchLayout(low, low + width)}).but(
-        homing_velocity_fast_acc=2, homing_velocity_fast_dec=2)  # it overruns by 10 mm
+        homing_velocity_fast_acc=2, homing_velocity_fast_dec=2
+    )  # it overruns by 10 mm
     far = low + width
-    made = spoilt(one, lambda happening: bouncing()(happening) if abs(
-        happening.position * direction - far) < 1e-6 else (happening,), direction)
-    home = {'HSOff': far, 'HSOffZPulse': OFFSET + math.ceil((far - OFFSET) / PITCH) * PITCH,
-            'HSOffReverseZPulse': OFFSET + math.floor((far - OFFSET) / PITCH) * PITCH}
+    made = spoilt(
+        one,
+        lambda happening: (
+            bouncing()(happening)
+            if abs(happening.position * direction - far) < 1e-6
+            else (happening,)
+        ),
+        direction,
+    )
+    home = {
+        'HSOff': far,
+        'HSOffZPulse': OFFSET + math.ceil((far - OFFSET) / PITCH) * PITCH,
+        'HSOffReverseZPulse': OFFSET + math.floor((far - OFFSET) / PITCH) * PITCH,
+    }
     assert_homed(made.home(), home.get(home_type, TRUE_HOME[home_type]), direction)
 
 
 @BOTH_WAYS
 def test_a_flag_narrower_than_a_bounce_is_left_where_it_was_entered(direction):
     """0.9 mm: less than what 5 ms of bouncing take at the fast velocity."""
-    one = rig('HSReverseZPulse', index_margin=0.0, switch_stamp_error=0.0005).switched(
-        **{HS: SwitchLayout(0.0601, 0.061)}).built(index_pitch=0.0004, index_offset=0.0001)
-    made = spoilt(one, lambda happening: bouncing(0.0002)(happening) if abs(
-        happening.position * direction - 0.061) < 1e-6 else (happening,), direction)
+    one = (
+        rig('HSReverseZPulse', index_margin=0.0, switch_stamp_error=0.0005)
+        .switched(**{HS: SwitchLayout(0.0601, 0.061)})
+        .built(index_pitch=0.0004, index_offset=0.0001)
+    )
+    made = spoilt(
+        one,
+        lambda happening: (
+            bouncing(0.0002)(happening)
+            if abs(happening.position * direction - 0.061) < 1e-6
+            else (happening,)
+        ),
+        direction,
+    )
     assert_homed(made.home(), 0.0597, direction)
 
 
@@ -255,8 +285,11 @@ def test_the_reversal(home_type, direction):
 def test_the_homing_reverse_distance_counts_from_the_edge(direction, distance):
     """Where stopping takes longer than the distance, the axis goes on at once."""
     course = rig('HSHS', homing_reverse_distance=distance).home(direction)
-    lowest = min(s.position * direction for s in course.samples
-                 if s.state in ('HSClearReverse', 'SecondHSSearch'))
+    lowest = min(
+        s.position * direction
+        for s in course.samples
+        if s.state in ('HSClearReverse', 'SecondHSSearch')
+    )
     assert lowest <= 0.06 - distance + 1e-5
     assert lowest >= 0.06 - max(distance, 0.009) - 1e-5
     assert_homed(course, 0.06, direction)
@@ -270,8 +303,11 @@ def test_immediate_stop(home_type, direction, immediate):
     assert_homed(course, TRUE_HOME[home_type], direction)
     overrun = furthest(course, direction) - 0.09
     assert (overrun < 0.2 * 0.012) == immediate
-    frozen = [s for s, t in zip(course.samples, course.samples[1:], strict=False)
-              if abs(s.velocity) > 0.15 and abs(t.velocity) < 0.05]
+    frozen = [
+        s
+        for s, t in zip(course.samples, course.samples[1:], strict=False)
+        if abs(s.velocity) > 0.15 and abs(t.velocity) < 0.05
+    ]
     assert bool(frozen) == immediate
 
 
@@ -279,7 +315,8 @@ def test_immediate_stop(home_type, direction, immediate):
 def test_an_immediate_stop_is_over_once_the_axis_has_turned(direction):
     """The message of the near limit, which rose first, comes after the turn."""
     one = rig('HS', immediate_stop_at_ls=True, near_ls_type='Dec').switched(
-        **{NEAR_AHEAD: SwitchLayout(0.0899, 1.0)})
+        **{NEAR_AHEAD: SwitchLayout(0.0899, 1.0)}
+    )
     made, near, held = one.rehearsal(direction, 0.07), on_side(NEAR_AHEAD, direction), []
     report = made._report
     made._report = lambda h: held.append(h) if h.input == near else report(h)
@@ -291,7 +328,7 @@ def test_an_immediate_stop_is_over_once_the_axis_has_turned(direction):
         made.axis.switch(Input(near), happening.time, happening.value, made.time)
     turned = len(made.course.samples)
     made.finish(60.0)
-    speeds = [s.velocity for s in made.course.samples[turned - 1:]]
+    speeds = [s.velocity for s in made.course.samples[turned - 1 :]]
     assert max(abs(b - a) for a, b in pairwise(speeds)) < 0.05
     assert_homed(made.course, TRUE_HOME['HS'], direction)
 
@@ -333,7 +370,8 @@ def test_a_second_limit_ends_the_run_whatever_its_type(direction):
 def test_a_second_limit_does_what_its_type_says(direction):
     """The first one was the reversal; the axis has left it since."""
     one = rig('HS', ls_type='ServoOff', homing_reverse_distance=0.02).switched(
-        **{HS: SwitchLayout(0.0915, 0.097)})
+        **{HS: SwitchLayout(0.0915, 0.097)}
+    )
     made = one.rehearsal(direction)
     course = made.home()
     assert error_of(course) is Error.LSTriggered
@@ -349,7 +387,8 @@ def test_a_second_limit_does_what_its_type_says(direction):
 @pytest.mark.parametrize(('flag', 'tier'), [(NEAR_AHEAD, 'near'), (EXTERNAL_AHEAD, 'external')])
 def test_near_and_external_limits_reverse_too(home_type, direction, flag, tier):
     one = rig(home_type, **{f'{tier}_ls_type': 'ServoOff'}).switched(
-        **{flag: SwitchLayout(0.08, 1.0)})
+        **{flag: SwitchLayout(0.08, 1.0)}
+    )
     course = one.home(direction, 0.075)
     assert path(course)[1] == REVERSAL
     assert furthest(course, direction) < 0.0901
@@ -364,7 +403,8 @@ def test_the_reversal_is_bounded(direction, starts):
     assert error_of(course) is Error.MaxLSRevDistanceTraveled
     assert course.outcome.message == (
         'axis x: the home switch did not fall within 0.02 m (max_ls_reverse_distance) in '
-        'HSFallingEdgeSearchReverse; is the home switch between the limits?')
+        'HSFallingEdgeSearchReverse; is the home switch between the limits?'
+    )
 
 
 @BOTH_WAYS
@@ -428,7 +468,8 @@ def test_the_pulse_after_the_reversal_counts(direction):
 @ON_SWITCH_TYPES
 def test_clearing_the_home_switch_is_bounded(home_type, direction):
     one = rig(home_type, max_hs_on_at_start_reverse_distance=0.01).switched(
-        **{HS: SwitchLayout(0.04, 0.066)})
+        **{HS: SwitchLayout(0.04, 0.066)}
+    )
     course = one.home(direction, 0.063)
     assert error_of(course) is Error.MaxHSOnAtStartRevDistanceTraveled
     assert 'within 0.01 m (max_hs_on_at_start_reverse_distance)' in course.outcome.message
@@ -506,7 +547,8 @@ ACTIONS = ['ServoOff', 'DecServoOff', 'Dec', 'SlowDecServoOff', 'SlowDec']
 @pytest.mark.parametrize('home_type', ['ZPulse', 'TouchProbe'])
 def test_ls_types(home_type, direction, ls_type):
     one = rig(home_type, ls_type=ls_type, homing_velocity_slow=0.2).built(
-        index_pitch=0.0, touch_probe=None)
+        index_pitch=0.0, touch_probe=None
+    )
     made = one.rehearsal(direction)
     course = made.home()
     assert error_of(course) is Error.LSTriggered
@@ -539,10 +581,16 @@ def test_a_search_toward_a_limit_without_a_type_that_is_on_is_begun(direction):
 @BOTH_WAYS
 @pytest.mark.parametrize('second', ['ServoOff', 'Dec', 'DecServoOff'])
 def test_a_stronger_limit_takes_over(direction, second):
-    one = rig('ZPulse', near_ls_type='SlowDec', external_ls_type=second, ls_slow_dec=2,
-              homing_velocity_slow=0.2).built(index_pitch=0.0)
-    one = one.switched(**{NEAR_AHEAD: SwitchLayout(0.08, 1.0),
-                          EXTERNAL_AHEAD: SwitchLayout(0.084, 1.0)})
+    one = rig(
+        'ZPulse',
+        near_ls_type='SlowDec',
+        external_ls_type=second,
+        ls_slow_dec=2,
+        homing_velocity_slow=0.2,
+    ).built(index_pitch=0.0)
+    one = one.switched(
+        **{NEAR_AHEAD: SwitchLayout(0.08, 1.0), EXTERNAL_AHEAD: SwitchLayout(0.084, 1.0)}
+    )
     made = one.rehearsal(direction)
     course = made.home()
     assert error_of(course) is Error.LSTriggered
@@ -556,17 +604,26 @@ def test_a_stronger_limit_takes_over(direction, second):
 
 @BOTH_WAYS
 def test_a_weaker_limit_does_not(direction):
-    one = rig('ZPulse', near_ls_type='Dec', external_ls_type='SlowDec', ls_slow_dec=1,
-              homing_velocity_slow=0.2).built(index_pitch=0.0)
-    one = one.switched(**{NEAR_AHEAD: SwitchLayout(0.08, 1.0),
-                          EXTERNAL_AHEAD: SwitchLayout(0.081, 1.0)})
+    one = rig(
+        'ZPulse',
+        near_ls_type='Dec',
+        external_ls_type='SlowDec',
+        ls_slow_dec=1,
+        homing_velocity_slow=0.2,
+    ).built(index_pitch=0.0)
+    one = one.switched(
+        **{NEAR_AHEAD: SwitchLayout(0.08, 1.0), EXTERNAL_AHEAD: SwitchLayout(0.081, 1.0)}
+    )
     assert furthest(one.home(direction), direction) < 0.086
 
 
 @BOTH_WAYS
 def test_a_gentler_limit_does_not_soften_a_cancel(direction):
-    made = rig('ZPulse', ls_type='SlowDec', ls_slow_dec=0.5, homing_velocity_slow=0.2).built(
-        index_pitch=0.0).rehearsal(direction)
+    made = (
+        rig('ZPulse', ls_type='SlowDec', ls_slow_dec=0.5, homing_velocity_slow=0.2)
+        .built(index_pitch=0.0)
+        .rehearsal(direction)
+    )
     made.axis.home(0.0)
     while direction * made.plant.position < 0.089:
         made.cycle()
@@ -611,7 +668,9 @@ def test_swapped_limits_end_the_run(home_type, direction):
     one = rig(home_type).built(index_pitch=0.0, touch_probe=None)
     switches = dict(one.layout.switches)
     switches[LIMIT_AHEAD], switches[LIMIT_BEHIND] = (
-        switches[LIMIT_BEHIND], SwitchLayout(0.055, 1.0))
+        switches[LIMIT_BEHIND],
+        SwitchLayout(0.055, 1.0),
+    )
     course = one.built(switches=switches).home(direction)
     assert error_of(course) is Error.LSTriggered
     assert 'swapped' in course.outcome.message
@@ -621,21 +680,27 @@ def test_swapped_limits_end_the_run(home_type, direction):
 @pytest.mark.parametrize('home_type', [t for t in TYPES if t != 'CurrentPos'], ids=str)
 def test_both_limits_on(home_type, direction):
     one = rig(home_type).switched(
-        **{LIMIT_BEHIND: SwitchLayout(-1, 1), LIMIT_AHEAD: SwitchLayout(-1, 1)})
+        **{LIMIT_BEHIND: SwitchLayout(-1, 1), LIMIT_AHEAD: SwitchLayout(-1, 1)}
+    )
     course = one.home(direction)
     assert error_of(course) is Error.LimitsBothOn
     assert course.samples == []
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('types', [
-    {'ls_type': 'ServoOff'},
-    {'ls_type': 'SlowDec', 'ls_dec': 2.0, 'ls_slow_dec': 1.0, 'external_ls_type': 'ServoOff'},
-], ids=['hardware', 'external'])
+@pytest.mark.parametrize(
+    'types',
+    [
+        {'ls_type': 'ServoOff'},
+        {'ls_type': 'SlowDec', 'ls_dec': 2.0, 'ls_slow_dec': 1.0, 'external_ls_type': 'ServoOff'},
+    ],
+    ids=['hardware', 'external'],
+)
 def test_a_limit_acts_though_the_one_behind_is_stuck_on(types, direction):
     one = rig('ZPulse', homing_velocity_slow=0.2, **types).built(index_pitch=0.0)
-    made = one.switched(**{LIMIT_BEHIND: SwitchLayout(-1, 1),
-                           EXTERNAL_AHEAD: SwitchLayout(0.092, 1)}).rehearsal(direction, 0.03)
+    made = one.switched(
+        **{LIMIT_BEHIND: SwitchLayout(-1, 1), EXTERNAL_AHEAD: SwitchLayout(0.092, 1)}
+    ).rehearsal(direction, 0.03)
     course = made.home(limit=60.0)
     assert error_of(course) is Error.LimitsBothOn
     assert not made.axis.servo_on
@@ -644,17 +709,22 @@ def test_a_limit_acts_though_the_one_behind_is_stuck_on(types, direction):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(('tier', 'pair'), [
-    ('near', (NEAR_AHEAD, NEAR_BEHIND)), ('external', (EXTERNAL_AHEAD, EXTERNAL_BEHIND))])
+@pytest.mark.parametrize(
+    ('tier', 'pair'),
+    [('near', (NEAR_AHEAD, NEAR_BEHIND)), ('external', (EXTERNAL_AHEAD, EXTERNAL_BEHIND))],
+)
 def test_both_near_or_external_limits_on(direction, tier, pair):
     one = rig('HS', **{f'{tier}_ls_type': 'Dec'}).switched(
-        **dict.fromkeys(pair, SwitchLayout(-1, 1)))
+        **dict.fromkeys(pair, SwitchLayout(-1, 1))
+    )
     assert error_of(one.home(direction)) is Error.LimitsBothOn
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(('start', 'state', 'inputs'), [
-    (0.03, 'HSSearch', [LIMIT_AHEAD, LIMIT_BEHIND]), (0.1, REVERSAL, [LIMIT_BEHIND])])
+@pytest.mark.parametrize(
+    ('start', 'state', 'inputs'),
+    [(0.03, 'HSSearch', [LIMIT_AHEAD, LIMIT_BEHIND]), (0.1, REVERSAL, [LIMIT_BEHIND])],
+)
 def test_both_limits_on_during_a_run(direction, start, state, inputs):
     made = rig('HS').rehearsal(direction, start)
     course = injected(made, state, {on_side(one, direction): True for one in inputs}, after=3)
@@ -664,7 +734,8 @@ def test_both_limits_on_during_a_run(direction, start, state, inputs):
 
 def test_current_position_asks_no_limit():
     one = rig('CurrentPos').switched(
-        **{LIMIT_BEHIND: SwitchLayout(-1, 1), LIMIT_AHEAD: SwitchLayout(-1, 1)})
+        **{LIMIT_BEHIND: SwitchLayout(-1, 1), LIMIT_AHEAD: SwitchLayout(-1, 1)}
+    )
     assert_homed(one.home(), 0.05)
 
 
@@ -674,7 +745,8 @@ def test_all_ls_during_homing(direction, everywhere):
     """A near limit in the middle that rises while the axis leaves it at its other end."""
     one = rig('MechanicalEndDetectionHS', all_ls_during_homing=everywhere, near_ls_type='Dec')
     one = one.switched(**{NEAR_AHEAD: SwitchLayout(0.075, 0.08)}).but(
-        mechanical_end_detection_ignore_ls=False)
+        mechanical_end_detection_ignore_ls=False
+    )
     made = one.rehearsal(direction, 0.09)
     course = made.home()
     if everywhere:
@@ -689,7 +761,8 @@ def test_all_ls_during_homing(direction, everywhere):
 def test_all_ls_during_homing_leaves_the_reversal_alone(home_type, direction):
     """A momentary limit rises again on the way back."""
     one = rig(home_type, all_ls_during_homing=True).switched(
-        **{LIMIT_AHEAD: SwitchLayout(0.09, 0.0905)})
+        **{LIMIT_AHEAD: SwitchLayout(0.09, 0.0905)}
+    )
     assert_homed(one.home(direction, 0.08), TRUE_HOME[home_type], direction)
 
 
@@ -706,12 +779,18 @@ def test_reversed_limit_inputs(home_type, direction):
     """`ls_direction: Reverse` with the inputs wired the other way around."""
     one = rig(home_type)
     swap = {
-        name: (name.replace('positive', 'negative') if 'positive' in name
-               else name.replace('negative', 'positive')) for name in one.layout.switches}
+        name: (
+            name.replace('positive', 'negative')
+            if 'positive' in name
+            else name.replace('negative', 'positive')
+        )
+        for name in one.layout.switches
+    }
     wired = [swap.get(str(name), name) for name in one.values['switches']]
     swapped = {swap[name]: flag for name, flag in one.layout.switches.items()}
-    course = one.built(switches=swapped).but(
-        switches=wired, ls_direction='Reverse').home(direction)
+    course = (
+        one.built(switches=swapped).but(switches=wired, ls_direction='Reverse').home(direction)
+    )
     assert_homed(course, TRUE_HOME[home_type], direction)
 
 
@@ -719,10 +798,15 @@ def test_reversed_limit_inputs(home_type, direction):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(('home_type', 'shift', 'reads'), [
-    (home_type, shift, reads) for home_type in TRUE_HOME
-    for shift, reads in ((0.0, 0.0), (-0.012, 1.5), (0.004, -0.25))
-    if shift <= 0.0 or not (home_type in LIMIT_TYPES or 'Detection' in home_type)])
+@pytest.mark.parametrize(
+    ('home_type', 'shift', 'reads'),
+    [
+        (home_type, shift, reads)
+        for home_type in TRUE_HOME
+        for shift, reads in ((0.0, 0.0), (-0.012, 1.5), (0.004, -0.25))
+        if shift <= 0.0 or not (home_type in LIMIT_TYPES or 'Detection' in home_type)
+    ],
+)
 def test_home_shift_and_home_position(home_type, direction, shift, reads):
     one = rig(home_type, home_shift_distance=shift, home_position=reads)
     made = one.rehearsal(direction)
@@ -730,11 +814,11 @@ def test_home_shift_and_home_position(home_type, direction, shift, reads):
     raw = direction * outcome.home_position_raw
     assert raw == pytest.approx(TRUE_HOME[home_type], abs=outcome.uncertainty + 1e-9)
     assert outcome.home_offset == pytest.approx(
-        outcome.home_position_raw + direction * shift - reads, abs=1e-12)
+        outcome.home_position_raw + direction * shift - reads, abs=1e-12
+    )
     at_rest = made.axis.position
     assert at_rest == pytest.approx(reads, abs=2e-6)
-    assert made.plant.position == pytest.approx(
-        direction * (raw + shift), abs=2e-6)
+    assert made.plant.position == pytest.approx(direction * (raw + shift), abs=2e-6)
 
 
 @BOTH_WAYS
@@ -749,8 +833,10 @@ def test_current_position_moves_only_to_shift(direction):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(('shift', 'error'), [
-    (0.04, Error.LSTriggered), (-0.07, Error.LSTriggered), (0.02, Error.NoError)])
+@pytest.mark.parametrize(
+    ('shift', 'error'),
+    [(0.04, Error.LSTriggered), (-0.07, Error.LSTriggered), (0.02, Error.NoError)],
+)
 def test_a_limit_ends_the_home_shift(direction, shift, error):
     course = rig('HS', home_shift_distance=shift).home(direction)
     assert error_of(course) is error
@@ -762,14 +848,22 @@ def test_a_limit_ends_the_home_shift(direction, shift, error):
 @pytest.mark.parametrize('home_type', [t for t in TYPES if 'ZPulse' in t], ids=str)
 def test_the_nth_pulse(home_type, direction, count):
     one = rig(home_type, multiple_z_pulse=count, z_pulse_distance_check=0.004).built(
-        index_pitch=0.004, index_offset=0.0013)
+        index_pitch=0.004, index_offset=0.0013
+    )
     if 'HS' in home_type:  # leave room before the limit
         one = one.switched(**{HS: SwitchLayout(0.050, 0.056)})
     course = one.home(direction, 0.045)
-    edge = {'HSZPulse': 0.050, 'HSReverseZPulse': 0.050, 'HSOffZPulse': 0.056,
-            'HSOffReverseZPulse': 0.056, 'LSReverseZPulse': 0.09, 'NearLSReverseZPulse': 0.08,
-            'ExternalLSReverseZPulse': 0.085, 'ZPulse': 0.045,
-            'MechanicalEndDetectionReverseZPulse': END}[home_type]
+    edge = {
+        'HSZPulse': 0.050,
+        'HSReverseZPulse': 0.050,
+        'HSOffZPulse': 0.056,
+        'HSOffReverseZPulse': 0.056,
+        'LSReverseZPulse': 0.09,
+        'NearLSReverseZPulse': 0.08,
+        'ExternalLSReverseZPulse': 0.085,
+        'ZPulse': 0.045,
+        'MechanicalEndDetectionReverseZPulse': END,
+    }[home_type]
     pulses = [0.0013 + 0.004 * k for k in range(30)]
     if 'Reverse' in home_type:
         pulses = [p for p in reversed(pulses) if p < edge]
@@ -779,21 +873,34 @@ def test_the_nth_pulse(home_type, direction, count):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(('expected', 'tolerance', 'error'), [
-    (0.0, 0.05, Error.NoError), (0.01, 0.05, Error.NoError), (0.0104, 0.05, Error.NoError),
-    (0.0111, 0.05, Error.ZPulseDistanceCheckError), (0.0111, 0.2, Error.NoError),
-    (0.02, 0.05, Error.ZPulseDistanceCheckError)])
+@pytest.mark.parametrize(
+    ('expected', 'tolerance', 'error'),
+    [
+        (0.0, 0.05, Error.NoError),
+        (0.01, 0.05, Error.NoError),
+        (0.0104, 0.05, Error.NoError),
+        (0.0111, 0.05, Error.ZPulseDistanceCheckError),
+        (0.0111, 0.2, Error.NoError),
+        (0.02, 0.05, Error.ZPulseDistanceCheckError),
+    ],
+)
 def test_the_distance_of_the_pulses(direction, expected, tolerance, error):
-    course = rig('ZPulse', multiple_z_pulse=2, z_pulse_distance_check=expected,
-                 z_pulse_distance_tolerance=tolerance).home(direction)
+    course = rig(
+        'ZPulse',
+        multiple_z_pulse=2,
+        z_pulse_distance_check=expected,
+        z_pulse_distance_tolerance=tolerance,
+    ).home(direction)
     assert error_of(course) is error
     if error:
         assert 'z_pulse_distance_check' in course.outcome.message or error is Error.NoError
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(('bound', 'error'), [
-    (0.0, Error.NoError), (0.0034, Error.NoError), (0.003, Error.ZPulseNotFound)])
+@pytest.mark.parametrize(
+    ('bound', 'error'),
+    [(0.0, Error.NoError), (0.0034, Error.NoError), (0.003, Error.ZPulseNotFound)],
+)
 def test_the_distance_to_the_pulse_is_bounded(direction, bound, error):
     course = rig('HSZPulse', max_z_pulse_distance=bound).home(direction)
     assert error_of(course) is error
@@ -804,10 +911,14 @@ def test_the_distance_to_the_pulse_is_bounded(direction, bound, error):
 @pytest.mark.parametrize('latch_delay', [0.0, 0.001, 0.002, 0.004, 0.01])
 @pytest.mark.parametrize('switch_delay', [0.0, 0.003, 0.01])
 def test_a_pulse_at_the_edge_is_decided_by_its_position(
-        direction, apart, latch_delay, switch_delay):
+    direction, apart, latch_delay, switch_delay
+):
     """However the messages overtake each other."""
-    one = rig('HSZPulse').built(index_offset=0.06 + apart).but(
-        Transport(latch_delay=latch_delay, switch_delay=switch_delay))
+    one = (
+        rig('HSZPulse')
+        .built(index_offset=0.06 + apart)
+        .but(Transport(latch_delay=latch_delay, switch_delay=switch_delay))
+    )
     nearest = 0.06 + apart if apart > 0 else 0.07 + apart
     assert_homed(one.home(direction), nearest, direction)
 
@@ -815,8 +926,7 @@ def test_a_pulse_at_the_edge_is_decided_by_its_position(
 @BOTH_WAYS
 @pytest.mark.parametrize('latch_delay', [0.0, 0.005, 0.015])
 def test_a_pulse_passed_in_the_overrun_does_not_count(direction, latch_delay):
-    one = rig('HSReverseZPulse').built(index_offset=0.0602).but(
-        Transport(latch_delay=latch_delay))
+    one = rig('HSReverseZPulse').built(index_offset=0.0602).but(Transport(latch_delay=latch_delay))
     assert_homed(one.home(direction), 0.0502, direction)
 
 
@@ -825,8 +935,10 @@ def test_a_pulse_passed_in_the_overrun_does_not_count(direction, latch_delay):
 @SEARCHING_TYPES
 def test_hysteresis(home_type, direction, hysteresis):
     one = rig(home_type)
-    flags = {name: SwitchLayout(f.on_from, f.on_to, hysteresis)
-             for name, f in one.layout.switches.items()}
+    flags = {
+        name: SwitchLayout(f.on_from, f.on_to, hysteresis)
+        for name, f in one.layout.switches.items()
+    }
     home = TRUE_HOME[home_type]
     if home_type is HomeType.HSOff:
         home += hysteresis
@@ -836,21 +948,32 @@ def test_hysteresis(home_type, direction, hysteresis):
 
 
 #: Types and starts before, on and beyond the home switch.
-FROM_THREE_PLACES = pytest.mark.parametrize(('home_type', 'start'), [
-    (home_type, start) for home_type in TRUE_HOME for start in (0.05, 0.063, 0.08)
-    if start < 0.06 or home_type in REVERSING])
+FROM_THREE_PLACES = pytest.mark.parametrize(
+    ('home_type', 'start'),
+    [
+        (home_type, start)
+        for home_type in TRUE_HOME
+        for start in (0.05, 0.063, 0.08)
+        if start < 0.06 or home_type in REVERSING
+    ],
+)
 
 
 @BOTH_WAYS
 @FROM_THREE_PLACES
 def test_polarity_of_every_input(home_type, direction, start):
     one = rig(home_type)
-    inverted = {name: SwitchLayout(f.on_from, f.on_to, inverted=True)
-                for name, f in one.layout.switches.items()}
-    names = {HS: 'invert_hs_polarity', LIMIT_AHEAD: 'invert_positive_ls_polarity',
-             LIMIT_BEHIND: 'invert_negative_ls_polarity',
-             NEAR_AHEAD: 'invert_near_positive_ls_polarity',
-             EXTERNAL_AHEAD: 'invert_external_positive_ls_polarity'}
+    inverted = {
+        name: SwitchLayout(f.on_from, f.on_to, inverted=True)
+        for name, f in one.layout.switches.items()
+    }
+    names = {
+        HS: 'invert_hs_polarity',
+        LIMIT_AHEAD: 'invert_positive_ls_polarity',
+        LIMIT_BEHIND: 'invert_negative_ls_polarity',
+        NEAR_AHEAD: 'invert_near_positive_ls_polarity',
+        EXTERNAL_AHEAD: 'invert_external_positive_ls_polarity',
+    }
     flags = {names[name]: True for name in inverted}
     course = one.switched(**inverted).but(**flags).home(direction, start)
     plain = rig(home_type).home(direction, start)
@@ -886,8 +1009,9 @@ def test_bounces_that_come_when_their_edge_has_turned_the_axis(
 ):
     """They lie before the turn, or before the one before it."""
     for velocity in (0.05, 0.2):
-        one = rig(home_type, homing_velocity_fast=velocity).but(Transport(
-            feedback_rate=feedback_rate, feedback_delay=delay, switch_delay=delay))
+        one = rig(home_type, homing_velocity_fast=velocity).but(
+            Transport(feedback_rate=feedback_rate, feedback_delay=delay, switch_delay=delay)
+        )
         made = spoilt(one, bouncing(every, times=2), direction, start)
         assert_homed(made.home(), TRUE_HOME[HomeType(home_type)], direction)
 
@@ -909,17 +1033,22 @@ def test_a_debounce_costs_no_accuracy(home_type, direction):
 
 @BOTH_WAYS
 @SEARCHING_TYPES
-@pytest.mark.parametrize('transport', [
-    Transport(feedback_delay=0.03),
-    Transport(switch_delay=0.03),
-    Transport(latch_delay=0.03),
-    Transport(jitter=0.02, seed=1),
-    Transport(100.0, 50.0, 0.01, 0.01, 0.01, 0.005),
-    Transport(1000.0, 100.0),
-], ids=['late feedback', 'late switches', 'late latches', 'jitter', 'slow', 'fast'])
+@pytest.mark.parametrize(
+    'transport',
+    [
+        Transport(feedback_delay=0.03),
+        Transport(switch_delay=0.03),
+        Transport(latch_delay=0.03),
+        Transport(jitter=0.02, seed=1),
+        Transport(100.0, 50.0, 0.01, 0.01, 0.01, 0.005),
+        Transport(1000.0, 100.0),
+    ],
+    ids=['late feedback', 'late switches', 'late latches', 'jitter', 'slow', 'fast'],
+)
 def test_messages_on_the_way(home_type, direction, transport):
-    one = rig(home_type, following_error=0.05, wrong_direction_distance=0.02,
-              homing_velocity_fast=0.1).but(transport)
+    one = rig(
+        home_type, following_error=0.05, wrong_direction_distance=0.02, homing_velocity_fast=0.1
+    ).but(transport)
     course = one.home(direction)
     assert_homed(course, TRUE_HOME[home_type], direction, more=1e-6)
     assert course.outcome.uncertainty <= 0.1 / transport.feedback_rate + 1e-9
@@ -961,8 +1090,11 @@ def test_open_loop_homing_homes_every_type(home_type, direction):
 @BOTH_WAYS
 @pytest.mark.parametrize('latency', [0.0, 0.01])
 def test_the_drivers_own_latency_is_taken_off(direction, latency):
-    made = spoilt(rig('HS', switch_latency=latency),
-                  lambda one: (one._replace(time=one.time + 0.01),), direction)
+    made = spoilt(
+        rig('HS', switch_latency=latency),
+        lambda one: (one._replace(time=one.time + 0.01),),
+        direction,
+    )
     late = home_of(made.home(), direction) - 0.06
     assert late == pytest.approx(0.2 * (0.01 - latency), abs=1e-5)
 
@@ -976,13 +1108,15 @@ def test_the_drivers_own_latency_is_taken_off(direction, latency):
 @pytest.mark.parametrize('which', [HS, LIMIT_AHEAD])
 def test_the_earlier_edge_decides_however_late_it_arrives(direction, apart, late, which):
     """The limit rises `apart` after the home switch; one of the messages is late."""
-    one = rig('HS').switched(**{HS: SwitchLayout(0.06, 0.08),
-                                LIMIT_AHEAD: SwitchLayout(0.06 + apart, 1.0)})
+    one = rig('HS').switched(
+        **{HS: SwitchLayout(0.06, 0.08), LIMIT_AHEAD: SwitchLayout(0.06 + apart, 1.0)}
+    )
     made = one.rehearsal(direction)
     late_input = on_side(which, direction)
     send = made._send
     made._send = lambda topic, due, deliver: send(
-        topic, due + (late if topic == late_input else 0.0), deliver)
+        topic, due + (late if topic == late_input else 0.0), deliver
+    )
     course = made.home()
     if apart > 0.0:
         assert_homed(course, 0.06, direction)
@@ -998,7 +1132,8 @@ def test_the_earlier_edge_decides_however_late_it_arrives(direction, apart, late
 def test_every_search_is_bounded(home_type, direction):
     """Nothing is ever found: no switch, no pulse, no end."""
     one = rig(home_type, max_search_distance=0.02).built(
-        index_pitch=0.0, touch_probe=None, hard_stops=(-9.0, 9.0))
+        index_pitch=0.0, touch_probe=None, hard_stops=(-9.0, 9.0)
+    )
     switches = {name: SwitchLayout(5.0, 6.0) for name in one.layout.switches}
     course = one.switched(**switches).home(direction)
     assert error_of(course) is Error.SearchDistanceExceeded
@@ -1011,7 +1146,8 @@ def test_every_search_is_bounded(home_type, direction):
 @pytest.mark.parametrize('home_type', [t for t in TRUE_HOME if 'Reverse' in t], ids=str)
 def test_the_reverse_search_is_bounded(home_type, direction):
     one = rig(home_type, max_search_distance=0.06, travel=0.5).built(
-        index_pitch=0.0, hard_stops=(-9.0, END if 'Detection' in home_type else 9.0))
+        index_pitch=0.0, hard_stops=(-9.0, END if 'Detection' in home_type else 9.0)
+    )
     one = one.switched(**{LIMIT_BEHIND: SwitchLayout(-9.0, -5.0)})
     course = one.home(direction)
     assert error_of(course) is Error.SearchDistanceExceeded
@@ -1022,8 +1158,7 @@ def test_the_reverse_search_is_bounded(home_type, direction):
 def test_a_run_is_bounded_in_time(direction):
     course = rig('HS', timeout=0.1).home(direction, 0.01)
     assert error_of(course) is Error.Timeout
-    assert course.outcome.message == (
-        'axis x: not ended within 0.1 s (timeout) in HSSearch')
+    assert course.outcome.message == ('axis x: not ended within 0.1 s (timeout) in HSSearch')
     assert course.duration < 0.2
 
 
@@ -1054,8 +1189,7 @@ def test_the_mechanical_end_must_last(direction, duration):
     quick = rig('MechanicalEndDetection', mechanical_end_detection_time=0.0).home(direction)
     course = rig('MechanicalEndDetection', mechanical_end_detection_time=duration).home(direction)
     assert_homed(course, END, direction)
-    assert course.duration - quick.duration == pytest.approx(
-        duration * (1 + 0.05 / 0.2), abs=0.03)
+    assert course.duration - quick.duration == pytest.approx(duration * (1 + 0.05 / 0.2), abs=0.03)
 
 
 @BOTH_WAYS
@@ -1076,8 +1210,10 @@ def test_a_limit_before_the_mechanical_end(direction):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(('home_type', 'flag'), [
-    ('MechanicalEndDetectionHS', HS), ('MechanicalEndDetectionLS', LIMIT_AHEAD)])
+@pytest.mark.parametrize(
+    ('home_type', 'flag'),
+    [('MechanicalEndDetectionHS', HS), ('MechanicalEndDetectionLS', LIMIT_AHEAD)],
+)
 def test_an_edge_that_rises_after_the_mechanical_end(home_type, flag, direction):
     one = rig(home_type).switched(**{flag: SwitchLayout(0.08, 0.085)})
     assert_homed(one.home(direction, 0.09), 0.085, direction)
@@ -1121,8 +1257,11 @@ def test_pause_mode(home_type, direction, start):
     course = made.finish()
     assert_homed(course, TRUE_HOME[home_type], direction)
     assert pauses >= 1
-    turns = [s for s, t in zip(course.samples, course.samples[1:], strict=False)
-             if s.velocity * t.velocity < 0.0]
+    turns = [
+        s
+        for s, t in zip(course.samples, course.samples[1:], strict=False)
+        if s.velocity * t.velocity < 0.0
+    ]
     assert turns == []
 
 
@@ -1149,8 +1288,13 @@ def test_every_arrow_was_taken(request, arrows_taken):
     chosen = request.config.option.keyword or any('::' in a for a in request.config.args)
     if chosen:
         pytest.skip('needs all tests of this file')
-    every = {(home_type, step, event) for home_type, procedure in PROCEDURES.items()
-             for step, row in procedure.rows.items() for event in row.on}
-    missed = sorted(f'{home_type}: {step} -- {event}'
-                    for home_type, step, event in every - arrows_taken)
+    every = {
+        (home_type, step, event)
+        for home_type, procedure in PROCEDURES.items()
+        for step, row in procedure.rows.items()
+        for event in row.on
+    }
+    missed = sorted(
+        f'{home_type}: {step} -- {event}' for home_type, step, event in every - arrows_taken
+    )
     assert not missed, '\n'.join(['not taken:', *missed])

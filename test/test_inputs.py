@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's inputs without a graph: a list stands for the middleware."""
 
 import itertools
@@ -82,8 +83,16 @@ class Cell:
         self.axis = Axis('x', rig(home_type).parameters(), self.PERIOD)
         self.topics = {}
         self.clock, self.arrivals = Clock(), Arrivals()
-        self.inputs = Inputs({'x': self.axis}, {'x': 'x'}, self.clock, self._subscribe,
-                             lambda _: None, 10, self.arrivals, self._hold_up)
+        self.inputs = Inputs(
+            {'x': self.axis},
+            {'x': 'x'},
+            self.clock,
+            self._subscribe,
+            lambda _: None,
+            10,
+            self.arrivals,
+            self._hold_up,
+        )
         self.inputs.wire('x', {})
         self.last = None
         for source in self.axis.parameters.inputs:
@@ -106,9 +115,15 @@ class Cell:
         """Put a message where the next cycle finds it; times relative to now, s."""
         now = self.clock.now
         if topic in self.topics:
-            self.topics[topic].waiting.append((serialize_message(message), {
-                'source_timestamp': round((now + stamp) * 1e9),
-                'received_timestamp': round((now - age) * 1e9)}))
+            self.topics[topic].waiting.append(
+                (
+                    serialize_message(message),
+                    {
+                        'source_timestamp': round((now + stamp) * 1e9),
+                        'received_timestamp': round((now - age) * 1e9),
+                    },
+                )
+            )
 
     def cycle(self):
         self.clock.now += self.PERIOD
@@ -140,19 +155,30 @@ def test_an_edge_in_simulated_time_is_no_better_than_its_cycle():
     cell.axis.switch = lambda *edge: taken.append(edge)
     cell.say('home_switch', Bool(data=True))
     cell.cycle()
-    (source, at, level, arrival, doubt), = taken
+    ((source, at, level, arrival, doubt),) = taken
     assert (source, at, level, arrival) == (Input.HOME_SWITCH, cell.clock.now, True, at)
     assert doubt == 2 * cell.PERIOD
 
 
-@pytest.mark.parametrize('elapsed, error, text', [
-    (0.1, None, 'came 1.000 s late, more than 0.2 s (feedback_timeout)'),
-    (1.0, Error.CycleLate, 'held up for 1 s')], ids=['late', 'held up'])
-@pytest.mark.parametrize('topic, message, stale', [
-    ('joint_states', JointState(name=['x'], position=[0.05]), Error.FeedbackStale),
-    ('home_switch', Bool(), Error.SwitchStale)], ids=['feedback', 'switch'])
+@pytest.mark.parametrize(
+    'elapsed, error, text',
+    [
+        (0.1, None, 'came 1.000 s late, more than 0.2 s (feedback_timeout)'),
+        (1.0, Error.CycleLate, 'held up for 1 s'),
+    ],
+    ids=['late', 'held up'],
+)
+@pytest.mark.parametrize(
+    'topic, message, stale',
+    [
+        ('joint_states', JointState(name=['x'], position=[0.05]), Error.FeedbackStale),
+        ('home_switch', Bool(), Error.SwitchStale),
+    ],
+    ids=['feedback', 'switch'],
+)
 def test_a_message_is_not_to_blame_for_our_own_hold_up(
-        topic, message, stale, elapsed, error, text):
+    topic, message, stale, elapsed, error, text
+):
     cell = Cell('HS')
     cell.clock.now += 1.1
     cell.clock.elapsed = elapsed  # since the cycle began
@@ -168,34 +194,50 @@ NEAR = st.floats(0.0, 0.1)
 TIMES = st.sampled_from([0.0, 0.0, -0.001, -0.05, -0.3, -3600.0, 0.5, 3600.0, 1e9])
 AGES = st.sampled_from([0.0, 0.0, 0.001, 0.1, 10.0])
 NAMES = st.sampled_from(['x', 'x', 'y', '', 'é' * 50])
-STAMPS = st.builds(Time, sec=st.sampled_from([0, 0, 999, 1000, -5, 2**31 - 1, -2**31]),
-                   nanosec=st.sampled_from([0, 1, 999_999_999, 2**32 - 1]))
+STAMPS = st.builds(
+    Time,
+    sec=st.sampled_from([0, 0, 999, 1000, -5, 2**31 - 1, -(2**31)]),
+    nanosec=st.sampled_from([0, 1, 999_999_999, 2**32 - 1]),
+)
 
 
 @st.composite
 def joint_states(draw):
-    message = JointState(name=draw(st.lists(NAMES, max_size=4)),
-                         position=draw(st.lists(ANY | NEAR, max_size=6)),
-                         velocity=draw(st.lists(ANY, max_size=2)))
+    message = JointState(
+        name=draw(st.lists(NAMES, max_size=4)),
+        position=draw(st.lists(ANY | NEAR, max_size=6)),
+        velocity=draw(st.lists(ANY, max_size=2)),
+    )
     message.header.stamp = draw(STAMPS)
     return message
 
 
 EVENTS = st.one_of(
     st.tuples(st.just('joint_states'), joint_states()),
-    st.tuples(st.sampled_from([i.value for i in Input if 'switch' in i]), st.booleans().map(
-        lambda level: Bool(data=level))),
-    st.tuples(st.sampled_from(['z_pulse', 'touch_probe']), (ANY | NEAR).map(
-        lambda value: Float64(data=value))),
-    st.tuples(st.just('emergency_stop'), st.sampled_from([False, False, False, True]).map(
-        lambda level: Bool(data=level))),
-    st.tuples(st.just(''), st.integers(1, 20)))
+    st.tuples(
+        st.sampled_from([i.value for i in Input if 'switch' in i]),
+        st.booleans().map(lambda level: Bool(data=level)),
+    ),
+    st.tuples(
+        st.sampled_from(['z_pulse', 'touch_probe']),
+        (ANY | NEAR).map(lambda value: Float64(data=value)),
+    ),
+    st.tuples(
+        st.just('emergency_stop'),
+        st.sampled_from([False, False, False, True]).map(lambda level: Bool(data=level)),
+    ),
+    st.tuples(st.just(''), st.integers(1, 20)),
+)
 
 
-@settings(max_examples=settings.default.max_examples * (
-    1 if settings.default.max_examples <= 200 else 10))
-@given(home_type=st.sampled_from(['HSHS', 'HSZPulse', 'TouchProbe', 'LS']),
-       events=st.lists(st.tuples(EVENTS, TIMES, AGES), max_size=25))
+@settings(
+    max_examples=settings.default.max_examples
+    * (1 if settings.default.max_examples <= 200 else 10)
+)
+@given(
+    home_type=st.sampled_from(['HSHS', 'HSZPulse', 'TouchProbe', 'LS']),
+    events=st.lists(st.tuples(EVENTS, TIMES, AGES), max_size=25),
+)
 def test_any_messages_in_any_order(home_type, events):
     """No message makes a step, raises, or keeps the axis moving."""
     cell = Cell(home_type)
@@ -221,6 +263,7 @@ def test_any_messages_in_any_order(home_type, events):
 
 # -- when it is looked for messages ---------------------------------------------------------------
 
+
 def test_only_feedback_and_emergency_stop_are_looked_for_without_being_told():
     cell = Cell('HSHS')
     cell.arrivals.told = False
@@ -240,7 +283,9 @@ def test_each_input_that_is_wired_is_watched():
     cell = Cell('HSHS')
     cell.inputs.wire('x', {Input.HOME_SWITCH: '/other'})
     assert [one.topic_name for one in cell.arrivals.watched] == [
-        *(f'~/x/{source}' for source in cell.axis.parameters.inputs), '/other']
+        *(f'~/x/{source}' for source in cell.axis.parameters.inputs),
+        '/other',
+    ]
 
 
 def test_all_inputs_are_looked_at_when_their_publishers_are():
@@ -251,16 +296,27 @@ def test_all_inputs_are_looked_at_when_their_publishers_are():
 
 # -- whose joints come together -------------------------------------------------------------------
 
+
 class Fed:
     """Axes that rest, fed by one publisher."""
 
     def __init__(self, clock=None, **timeouts):
-        self.axes = {name: Axis(name, rig('HS', feedback_timeout=timeout).parameters(), 0.004)
-                     for name, timeout in timeouts.items()}
+        self.axes = {
+            name: Axis(name, rig('HS', feedback_timeout=timeout).parameters(), 0.004)
+            for name, timeout in timeouts.items()
+        }
         self.clock = clock or Clock()
         self.topics = {}
-        self.inputs = Inputs(self.axes, {name: name for name in self.axes}, self.clock,
-                             self._subscribe, lambda _: None, 10, Arrivals(), lambda _: '')
+        self.inputs = Inputs(
+            self.axes,
+            {name: name for name in self.axes},
+            self.clock,
+            self._subscribe,
+            lambda _: None,
+            10,
+            Arrivals(),
+            lambda _: '',
+        )
         for name in self.axes:
             self.inputs.wire(name, {})
 
@@ -274,13 +330,18 @@ class Fed:
         self.clock.now += later
         now = round(self.clock.now * 1e9)
         stamp = now - round(age * 1e9)
-        self.topics['joint_states'].waiting.append((
-            serialize_message(JointState(name=list(positions), position=positions.values())),
-            {'source_timestamp': stamp, 'received_timestamp': now}))
+        self.topics['joint_states'].waiting.append(
+            (
+                serialize_message(JointState(name=list(positions), position=positions.values())),
+                {'source_timestamp': stamp, 'received_timestamp': now},
+            )
+        )
         self.inputs.poll()
         tracks = {name: axis._track for name, axis in self.axes.items()}
-        return (''.join(name for name, track in tracks.items() if track.time == stamp * 1e-9),
-                ''.join(name for name, track in tracks.items() if track.time == now * 1e-9))
+        return (
+            ''.join(name for name, track in tracks.items() if track.time == stamp * 1e-9),
+            ''.join(name for name, track in tracks.items() if track.time == now * 1e-9),
+        )
 
     def timeout(self, name, timeout):
         self.axes[name].configure(rig('HS', feedback_timeout=timeout).parameters())
@@ -344,6 +405,7 @@ def test_lists_of_joints_without_end_are_not_kept():
 
 # -- the clocks of the computer -------------------------------------------------------------------
 
+
 class Computer:
     """The clocks of a computer, and one axis whose messages they stamp."""
 
@@ -360,8 +422,9 @@ class Computer:
 
     def say(self, topic, message):
         stamp = round(self.system * 1e9)
-        self.fed.topics[topic].waiting.append((
-            serialize_message(message), {'source_timestamp': stamp, 'received_timestamp': stamp}))
+        self.fed.topics[topic].waiting.append(
+            (serialize_message(message), {'source_timestamp': stamp, 'received_timestamp': stamp})
+        )
 
     def move(self, position):
         self.say('joint_states', JointState(name=['x'], position=[position]))
@@ -407,9 +470,11 @@ def test_the_system_clock_steps(monkeypatch, step, begun, told):
     assert computer.axis.arrival == pytest.approx(computer.monotonic, abs=1e-6)
 
 
-@pytest.mark.parametrize('topic, message', [
-    ('joint_states', JointState(name=['x'], position=[1.0])), ('home_switch', Bool(data=True))],
-    ids=['feedback', 'switch'])
+@pytest.mark.parametrize(
+    'topic, message',
+    [('joint_states', JointState(name=['x'], position=[1.0])), ('home_switch', Bool(data=True))],
+    ids=['feedback', 'switch'],
+)
 def test_a_message_that_comes_in_a_poll_that_takes_long_is_believed(monkeypatch, topic, message):
     computer, taken = Computer(monkeypatch), []
     computer.axis.feedback = computer.axis.switch = lambda *told: taken.append(told)
@@ -419,6 +484,6 @@ def test_a_message_that_comes_in_a_poll_that_takes_long_is_believed(monkeypatch,
         computer.say(topic, message)
 
     computer.poll(happen)
-    (*_, arrival, doubt), = taken
+    ((*_, arrival, doubt),) = taken
     assert arrival == pytest.approx(computer.monotonic, abs=1e-6)
     assert doubt == 0.0

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What holds for every type, direction, start, geometry and latency (section 11).
 
 `HOMING_FUZZ=1 pytest test/test_invariants.py` looks longer.
@@ -64,16 +65,28 @@ class Scenario:
     def latency(self):
         """How long it takes until a command answers an edge, and a cycle more, s."""
         t = self.one.transport
-        return (max(t.switch_delay, t.feedback_delay) + t.jitter + 3.0 / t.update_rate
-                + 2.0 / t.feedback_rate + self.one.layout.lag)
+        return (
+            max(t.switch_delay, t.feedback_delay)
+            + t.jitter
+            + 3.0 / t.update_rate
+            + 2.0 / t.feedback_rate
+            + self.one.layout.lag
+        )
 
 
 LENGTHS = st.floats(1e-5, 0.003)
 RATES = st.sampled_from([50.0, 100.0, 125.0, 200.0, 250.0, 500.0, 1000.0])
 DELAYS = st.sampled_from([0.0, 0.0, 0.001, 0.0037, 0.01, 0.02])
 TRANSPORTS = st.builds(
-    Transport, st.sampled_from([100.0, 125.0, 250.0, 500.0]), RATES, DELAYS, DELAYS, DELAYS,
-    DELAYS, st.integers(0, 99))
+    Transport,
+    st.sampled_from([100.0, 125.0, 250.0, 500.0]),
+    RATES,
+    DELAYS,
+    DELAYS,
+    DELAYS,
+    DELAYS,
+    st.integers(0, 99),
+)
 
 
 @st.composite
@@ -88,9 +101,13 @@ def scenarios(draw, home_type):
         return fast**2 / 2 / draw(st.floats(0.001, 0.004))
 
     values: dict[str, object] = {
-        'homing_velocity_fast': fast, 'homing_velocity_slow': slow, 'max_jerk': jerk,
-        'home_shift_velocity': draw(st.floats(0.05, 0.3)), 'home_position': 0.0,
-        'following_error': 0.08, 'wrong_direction_distance': 0.0,
+        'homing_velocity_fast': fast,
+        'homing_velocity_slow': slow,
+        'max_jerk': jerk,
+        'home_shift_velocity': draw(st.floats(0.05, 0.3)),
+        'home_position': 0.0,
+        'following_error': 0.08,
+        'wrong_direction_distance': 0.0,
         'homing_reverse_distance': draw(st.sampled_from([0.0, 0.001, 0.01])),
         'home_shift_distance': draw(st.sampled_from([0.0, 0.0, -0.003])),
         'immediate_stop_at_ls': draw(st.booleans()),
@@ -121,14 +138,22 @@ def scenarios(draw, home_type):
     lag = draw(st.sampled_from([0.0, 0.0, 0.003, 0.02]))
     probe = None if one.layout.touch_probe is None else draw(st.floats(0.0605, 0.075))
     one = one.built(
-        hard_stops=(-0.3, END if ends else 1.0), lag=lag, touch_probe=probe,
+        hard_stops=(-0.3, END if ends else 1.0),
+        lag=lag,
+        touch_probe=probe,
         index_pitch=draw(st.floats(0.0021, 0.004)) if one.layout.index_pitch else 0.0,
-        index_offset=draw(st.floats(-0.01, 0.01)))
+        index_offset=draw(st.floats(-0.01, 0.01)),
+    )
     last = {HomeType.TouchProbe: 0.06, HomeType.ZPulse: limit - 0.005}.get(home_type, 0.0979)
     edges = [edge for flag in flags.values() for edge in (flag.on_from, flag.on_to)]
-    start = draw(st.floats(0.07 if ends else 0.03, last) | st.sampled_from(
-        [0.07, *(edge for edge in edges if 0.07 < edge < last)] if ends
-        else [0.03, *(edge for edge in edges if 0.0 < edge < last)]))
+    start = draw(
+        st.floats(0.07 if ends else 0.03, last)
+        | st.sampled_from(
+            [0.07, *(edge for edge in edges if 0.07 < edge < last)]
+            if ends
+            else [0.03, *(edge for edge in edges if 0.0 < edge < last)]
+        )
+    )
     return Scenario(one, start)
 
 
@@ -179,9 +204,17 @@ def assert_smooth(scenario, course):
     p, period = scenario.parameters, 1.0 / scenario.one.transport.update_rate
     velocity = max(p.homing_velocity_fast, p.home_shift_velocity) * (1 + 1e-6)
     acceleration = (1 + 1e-6) * max(
-        getattr(p, name) for name in (
-            'homing_velocity_fast_acc', 'homing_velocity_fast_dec', 'homing_velocity_slow_acc',
-            'homing_velocity_slow_dec', 'home_shift_acc', 'home_shift_dec', 'ls_dec'))
+        getattr(p, name)
+        for name in (
+            'homing_velocity_fast_acc',
+            'homing_velocity_fast_dec',
+            'homing_velocity_slow_acc',
+            'homing_velocity_slow_dec',
+            'home_shift_acc',
+            'home_shift_dec',
+            'ls_dec',
+        )
+    )
     free = p.immediate_stop_at_ls  # to stop at once, where a limit changes the state
     for one, two in pairwise(course.samples):
         assert abs(two.velocity) <= velocity
@@ -193,7 +226,8 @@ def assert_smooth(scenario, course):
             assert low * period - slack <= moved <= high * period + slack
             assert abs(two.velocity - one.velocity) <= acceleration * period + 1e-9
             assert abs(two.acceleration - one.acceleration) <= (
-                p.max_jerk * period * (1 + 1e-4) + 1e-6)
+                p.max_jerk * period * (1 + 1e-4) + 1e-6
+            )
     if course.samples:
         first, last = course.samples[0], course.samples[-1]
         assert abs(first.position - scenario.start) <= velocity * period
@@ -226,7 +260,8 @@ def test_invariants(home_type, data):
         assert unsure <= fastest / scenario.one.transport.feedback_rate * (1 + 1e-6) + 1e-12
         assert min(abs(found - home) for home in true_homes(scenario)) <= unsure + 1e-7
         assert course.samples[-1].position == pytest.approx(
-            found + p.home_shift_distance, abs=1e-12)
+            found + p.home_shift_distance, abs=1e-12
+        )
     else:
         assert scenario.may_miss_the_turn or (
             scenario.may_be_told_late and error_of(course) is Error.LSTriggered
@@ -237,7 +272,8 @@ def test_invariants(home_type, data):
 
     mirrored = scenario.one.home(-1, scenario.start)
     assert [(s.state, -s.position, -s.velocity) for s in mirrored.samples] == [
-        (s.state, s.position, s.velocity) for s in course.samples]
+        (s.state, s.position, s.velocity) for s in course.samples
+    ]
     assert mirrored.outcome.home_position_raw == -course.outcome.home_position_raw
 
 
@@ -248,19 +284,28 @@ def test_scaling_all_lengths_scales_the_run(home_type, data):
     scenario = data.draw(scenarios(home_type))
     one, scale = scenario.one, 4.0
     layout = one.layout
-    large = one.but(**{name: value * scale for name, value in one.values.items()
-                       if SPECS[name].unit.startswith('m')})
+    large = one.but(
+        **{
+            name: value * scale
+            for name, value in one.values.items()
+            if SPECS[name].unit.startswith('m')
+        }
+    )
     large = large.built(
         hard_stops=tuple(scale * stop for stop in layout.hard_stops),
-        switches={name: SwitchLayout(flag.on_from * scale, flag.on_to * scale,
-                                     flag.hysteresis * scale)
-                  for name, flag in layout.switches.items()},
-        index_pitch=layout.index_pitch * scale, index_offset=layout.index_offset * scale,
-        touch_probe=None if layout.touch_probe is None else layout.touch_probe * scale)
+        switches={
+            name: SwitchLayout(flag.on_from * scale, flag.on_to * scale, flag.hysteresis * scale)
+            for name, flag in layout.switches.items()
+        },
+        index_pitch=layout.index_pitch * scale,
+        index_offset=layout.index_offset * scale,
+        touch_probe=None if layout.touch_probe is None else layout.touch_probe * scale,
+    )
     course, scaled = one.home(1, scenario.start), large.home(1, scenario.start * scale)
     assert error_of(scaled) is error_of(course)
     assert scaled.outcome.home_position_raw == pytest.approx(
-        scale * course.outcome.home_position_raw, abs=1e-7)
+        scale * course.outcome.home_position_raw, abs=1e-7
+    )
     assert [s.state for s in scaled.samples] == [s.state for s in course.samples]
     for small, large_one in zip(course.samples, scaled.samples, strict=True):
         assert large_one.position == pytest.approx(scale * small.position, abs=1e-6)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Latched positions: which one is the reference."""
 
 import pytest
@@ -47,8 +48,10 @@ def test_the_distance_to_the_next_pulse_counts_from_the_last_one(way):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('change', [
-    {'multiple_z_pulse': 3}, {'z_pulse_arm_delay': 0.05}, {'max_z_pulse_distance': 0.005}])
+@pytest.mark.parametrize(
+    'change',
+    [{'multiple_z_pulse': 3}, {'z_pulse_arm_delay': 0.05}, {'max_z_pulse_distance': 0.005}],
+)
 def test_what_is_set_for_pulses_does_not_concern_the_probe(way, change):
     one = latched(PROBE, home_type='HSTouchProbe', **change)
     assert one.found([Event.TOUCH_PROBE], 0.0, way, way * 0.009) is None

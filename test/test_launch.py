@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Launch files: what they name exists; where `launch` is installed, they load."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Layout files: both forms, what may be unknown, and faults with their place."""
 
 from math import inf, isnan
@@ -25,7 +26,9 @@ def test_the_parameters_of_simulated_axes():
 
 
 def test_a_plain_file_with_what_is_known(tmp_path):
-    found = read(tmp_path, """
+    found = read(
+        tmp_path,
+        """
 y:   # not a boolean here
   hard_stops: [null, 2e-1]
   home_switch: [0.15, 0.16]
@@ -33,12 +36,15 @@ y:   # not a boolean here
   negative_limit_switch: null
   index_pitch: 1e-2
   index_offset: null
-""")
+""",
+    )
     assert found.feedback_rate is None and found.dead_time is None
     layout = found.layouts['y']
     assert layout.hard_stops == (-inf, 0.2)
-    assert layout.switches == {'home_switch': SwitchLayout(0.15, 0.16),
-                               'positive_limit_switch': SwitchLayout(0.19, inf)}
+    assert layout.switches == {
+        'home_switch': SwitchLayout(0.15, 0.16),
+        'positive_limit_switch': SwitchLayout(0.19, inf),
+    }
     assert layout.index_pitch == 0.01 and isnan(layout.index_offset)
 
 
@@ -46,8 +52,10 @@ def test_nothing_known_but_the_axis(tmp_path):
     assert read(tmp_path, 'x: {}').layouts['x'].hard_stops == (-inf, inf)
 
 
-@pytest.mark.parametrize('stops, start', [
-    ('[0.1, 0.3]', 0.2), ('[0.1, null]', 0.1), ('[null, -0.1]', -0.1), ('[-0.1, 0.1]', 0.0)])
+@pytest.mark.parametrize(
+    'stops, start',
+    [('[0.1, 0.3]', 0.2), ('[0.1, null]', 0.1), ('[null, -0.1]', -0.1), ('[-0.1, 0.1]', 0.0)],
+)
 def test_an_axis_starts_within_its_travel(tmp_path, stops, start):
     layout = read(tmp_path, f'x: {{hard_stops: {stops}}}').layouts['x']
     assert layout.start == pytest.approx(start)
@@ -60,37 +68,45 @@ def test_a_whole_number_that_no_float_holds(tmp_path, line):
 
 
 def test_dotted_names_as_ros_reads_them(tmp_path):
-    found = read(tmp_path, """
+    found = read(
+        tmp_path,
+        """
 /**:
   ros__parameters:
     x.hard_stops: [0.0, 0.2]
     x.lag: 0.01
     x: {start: 0.1, joint: x_joint}
     x.joint: x_joint
-""")
+""",
+    )
     assert (found.layouts['x'].lag, found.layouts['x'].start) == (0.01, 0.1)
 
 
-@pytest.mark.parametrize('text, said', [
-    ('x:\n  hard_stops: [0.0, 0.2]\n  hom_switch: [0.1, 0.2]\n',
-     'layout.yaml:3: axis x: hom_switch is unknown'),
-    ('x:\n  lag: -1\n', 'layout.yaml:2: axis x: lag -1'),
-    ('x:\n  lag: [1, 2]\n', r'lag \[1, 2\] is not a number'),
-    ('x:\n  home_switch: [0.2, 0.1]\n', 'home_switch begins at 0.2'),
-    ('x: {hard_stops: ["a", 0.2]}\n', r"hard_stops \['a', 0.2\] is not a pair"),
-    ('x: {hard_stops: ["a", null]}\n', 'hard_stops .* is not a pair'),
-    ('x: {hard_stops: [0.2]}\n', 'hard_stops .* is not a pair'),
-    ('x: {}\ny: {}\nx: {}\n', 'layout.yaml:3: x stands there twice'),
-    ('x:\n  lag: 0.1\n  lag: 0.2\n', 'layout.yaml:3: lag stands there twice'),
-    ('x: 3\n', 'layout.yaml: axis x: a mapping is expected|layout.yaml:1: axis x'),
-    ('- x\n', 'expected the names of axes'),
-    ('', 'expected the names of axes'),
-    ('x: [1\n', 'layout.yaml:[12]: '),
-    ('x: &a {}\ny: *b\n', 'undefined alias'),
-    ('/**:\n  ros__parameters:\n    axes: [x]\n', 'no axis in it'),
-    ('/**:\n  ros__parameters:\n    feedback_rate: fast\n    x: {}\n', "feedback_rate 'fast'"),
-    ('x: {lag: !!python/name:os.system ""}\n', 'could not determine a constructor'),
-])
+@pytest.mark.parametrize(
+    'text, said',
+    [
+        (
+            'x:\n  hard_stops: [0.0, 0.2]\n  hom_switch: [0.1, 0.2]\n',
+            'layout.yaml:3: axis x: hom_switch is unknown',
+        ),
+        ('x:\n  lag: -1\n', 'layout.yaml:2: axis x: lag -1'),
+        ('x:\n  lag: [1, 2]\n', r'lag \[1, 2\] is not a number'),
+        ('x:\n  home_switch: [0.2, 0.1]\n', 'home_switch begins at 0.2'),
+        ('x: {hard_stops: ["a", 0.2]}\n', r"hard_stops \['a', 0.2\] is not a pair"),
+        ('x: {hard_stops: ["a", null]}\n', 'hard_stops .* is not a pair'),
+        ('x: {hard_stops: [0.2]}\n', 'hard_stops .* is not a pair'),
+        ('x: {}\ny: {}\nx: {}\n', 'layout.yaml:3: x stands there twice'),
+        ('x:\n  lag: 0.1\n  lag: 0.2\n', 'layout.yaml:3: lag stands there twice'),
+        ('x: 3\n', 'layout.yaml: axis x: a mapping is expected|layout.yaml:1: axis x'),
+        ('- x\n', 'expected the names of axes'),
+        ('', 'expected the names of axes'),
+        ('x: [1\n', 'layout.yaml:[12]: '),
+        ('x: &a {}\ny: *b\n', 'undefined alias'),
+        ('/**:\n  ros__parameters:\n    axes: [x]\n', 'no axis in it'),
+        ('/**:\n  ros__parameters:\n    feedback_rate: fast\n    x: {}\n', "feedback_rate 'fast'"),
+        ('x: {lag: !!python/name:os.system ""}\n', 'could not determine a constructor'),
+    ],
+)
 def test_faults_name_the_file_the_line_and_the_value(tmp_path, text, said):
     with pytest.raises(InvalidLayout, match=said):
         read(tmp_path, text)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What each limit switch means to a run."""
 
 import pytest
@@ -25,10 +26,17 @@ def test_actions(ls_type):
 
 
 def all_wired(home_type='ZPulse', **changes):
-    return axis_parameters({
-        **QUICK, 'home_type': home_type, 'near_ls_type': 'SlowDec', 'external_ls_type': 'ServoOff',
-        'switches': ['home_switch', 'z_pulse', 'touch_probe', *map(str, LIMIT_SWITCHES)],
-        'mechanical_end_detection_pos_diff': 0.001, **changes})
+    return axis_parameters(
+        {
+            **QUICK,
+            'home_type': home_type,
+            'near_ls_type': 'SlowDec',
+            'external_ls_type': 'ServoOff',
+            'switches': ['home_switch', 'z_pulse', 'touch_probe', *map(str, LIMIT_SWITCHES)],
+            'mechanical_end_detection_pos_diff': 0.001,
+            **changes,
+        }
+    )
 
 
 @pytest.mark.parametrize('ls_direction', ['Normal', 'Reverse'])
@@ -70,9 +78,13 @@ def test_ignoring_limits_concerns_only_those_ahead_of_a_mechanical_end(home_type
 
 
 def test_separate_actions():
-    limits = limits_of(all_wired(
-        ls_type='SeparatePositiveLSNegativeLS', positive_ls_type='ServoOff',
-        negative_ls_type='SlowDec'))
+    limits = limits_of(
+        all_wired(
+            ls_type='SeparatePositiveLSNegativeLS',
+            positive_ls_type='ServoOff',
+            negative_ls_type='SlowDec',
+        )
+    )
     assert limits[Input.POSITIVE_LIMIT_SWITCH].action == Action(None, True)
     assert limits[Input.NEGATIVE_LIMIT_SWITCH].action == Action(4.0)
 
@@ -84,9 +96,13 @@ def test_a_near_or_external_limit_without_a_type_is_disabled(tier):
 
 
 def test_one_near_limit_of_a_pair():
-    limits = limits_of(all_wired(
-        near_ls_type='SeparatePositiveLSNegativeLS', near_positive_ls_type='Dec',
-        near_negative_ls_type='None'))
+    limits = limits_of(
+        all_wired(
+            near_ls_type='SeparatePositiveLSNegativeLS',
+            near_positive_ls_type='Dec',
+            near_negative_ls_type='None',
+        )
+    )
     assert Input.NEAR_POSITIVE_LIMIT_SWITCH in limits
     assert Input.NEAR_NEGATIVE_LIMIT_SWITCH not in limits
 
@@ -99,7 +115,8 @@ def test_a_hardware_limit_without_a_type_still_steers():
 
 def test_a_limit_that_is_not_wired_means_nothing():
     assert set(limits_of(all_wired(switches=['z_pulse', 'positive_limit_switch']))) == {
-        Input.POSITIVE_LIMIT_SWITCH}
+        Input.POSITIVE_LIMIT_SWITCH
+    }
 
 
 @pytest.mark.parametrize('home_type', LIMIT_TYPES, ids=str)
@@ -108,9 +125,14 @@ def test_limit_types_have_one_reference(home_type):
     assert roles.count(Role.REFERENCE) == 1
 
 
-@pytest.mark.parametrize(('home_type', 'switch', 'way'), [
-    ('HS', 'positive_limit_switch', Way.TOWARD), ('ZPulse', 'positive_limit_switch', Way.TOWARD),
-    ('HS', 'negative_limit_switch', Way.AWAY)])
+@pytest.mark.parametrize(
+    ('home_type', 'switch', 'way'),
+    [
+        ('HS', 'positive_limit_switch', Way.TOWARD),
+        ('ZPulse', 'positive_limit_switch', Way.TOWARD),
+        ('HS', 'negative_limit_switch', Way.AWAY),
+    ],
+)
 def test_a_momentary_limit_is_remembered_until_the_axis_is_back(home_type, switch, way):
     """It rose at 0.09 m and is off again."""
     parameters = all_wired(home_type)

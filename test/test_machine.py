@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rules that hold in every row, one by one: the machine with switches set by hand."""
 
 import pytest
@@ -78,32 +79,38 @@ class Hand:
 # -- where it begins ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(('home_type', 'on', 'step'), [
-    ('HS', (), HS_SEARCH),
-    ('HS', (HS,), HS_CLEAR_REVERSE_AT_START),
-    ('HS', (LIMIT_AHEAD,), HS_FALLING_EDGE_SEARCH_REVERSE),
-    ('HS', (HS, LIMIT_AHEAD), HS_FALLING_EDGE_SEARCH_REVERSE),
-    ('HS', (LIMIT_BEHIND,), HS_SEARCH),
-    ('HSOff', (HS,), HS_OFF_SEARCH),
-    ('HSOff', (HS, LIMIT_AHEAD), HS_FALLING_EDGE_SEARCH_REVERSE),
-    ('LS', (), LS_SEARCH),
-    ('LS', (LIMIT_AHEAD,), LS_FALLING_EDGE_SEARCH_REVERSE),
-    ('NearLS', (LIMIT_BEHIND,), LS_SEARCH),
-    ('NearLS', (LIMIT_AHEAD, NEAR_AHEAD), LS_FALLING_EDGE_SEARCH_REVERSE),
-])
+@pytest.mark.parametrize(
+    ('home_type', 'on', 'step'),
+    [
+        ('HS', (), HS_SEARCH),
+        ('HS', (HS,), HS_CLEAR_REVERSE_AT_START),
+        ('HS', (LIMIT_AHEAD,), HS_FALLING_EDGE_SEARCH_REVERSE),
+        ('HS', (HS, LIMIT_AHEAD), HS_FALLING_EDGE_SEARCH_REVERSE),
+        ('HS', (LIMIT_BEHIND,), HS_SEARCH),
+        ('HSOff', (HS,), HS_OFF_SEARCH),
+        ('HSOff', (HS, LIMIT_AHEAD), HS_FALLING_EDGE_SEARCH_REVERSE),
+        ('LS', (), LS_SEARCH),
+        ('LS', (LIMIT_AHEAD,), LS_FALLING_EDGE_SEARCH_REVERSE),
+        ('NearLS', (LIMIT_BEHIND,), LS_SEARCH),
+        ('NearLS', (LIMIT_AHEAD, NEAR_AHEAD), LS_FALLING_EDGE_SEARCH_REVERSE),
+    ],
+)
 def test_the_first_row(home_type, on, step):
     hand = Hand(home_type, on)
     assert hand.step == step
     assert hand.error is Error.NoError
 
 
-@pytest.mark.parametrize(('home_type', 'on', 'error'), [
-    ('HS', (LIMIT_AHEAD, LIMIT_BEHIND), Error.LimitsBothOn),
-    ('HS', (HS, LIMIT_BEHIND), Error.LSTriggered),  # clearing would go into the limit behind
-    ('LS', (LIMIT_AHEAD, LIMIT_BEHIND), Error.LimitsBothOn),
-    ('NearLS', (LIMIT_AHEAD,), Error.LSTriggered),
-    ('ZPulse', (LIMIT_AHEAD,), Error.LSTriggered),
-])
+@pytest.mark.parametrize(
+    ('home_type', 'on', 'error'),
+    [
+        ('HS', (LIMIT_AHEAD, LIMIT_BEHIND), Error.LimitsBothOn),
+        ('HS', (HS, LIMIT_BEHIND), Error.LSTriggered),  # clearing would go into the limit behind
+        ('LS', (LIMIT_AHEAD, LIMIT_BEHIND), Error.LimitsBothOn),
+        ('NearLS', (LIMIT_AHEAD,), Error.LSTriggered),
+        ('ZPulse', (LIMIT_AHEAD,), Error.LSTriggered),
+    ],
+)
 def test_what_is_not_begun(home_type, on, error):
     hand = Hand(home_type, on)
     assert hand.error is error
@@ -185,9 +192,14 @@ def test_the_limit_that_arms_a_reverse_search_must_fall_going_away():
 # -- an earlier edge that arrives later ---------------------------------------------------------
 
 
-@pytest.mark.parametrize(('limit_time', 'step'), [
-    (0.07, HS_FALLING_EDGE_SEARCH_REVERSE), (0.08, HS_FALLING_EDGE_SEARCH_REVERSE),
-    (0.09, HOME_SHIFT)])
+@pytest.mark.parametrize(
+    ('limit_time', 'step'),
+    [
+        (0.07, HS_FALLING_EDGE_SEARCH_REVERSE),
+        (0.08, HS_FALLING_EDGE_SEARCH_REVERSE),
+        (0.09, HOME_SHIFT),
+    ],
+)
 @pytest.mark.parametrize('limit_first', [False, True])
 def test_the_earlier_edge_decides_the_limit_if_equal(limit_time, step, limit_first):
     hand = Hand('HS').run()
@@ -260,7 +272,8 @@ def test_unless_the_home_shift_goes_on_toward_it():
 def furthest_past_a_limit(home_type, gap, ls_type='Dec', **flags):
     """Return how far an axis goes past the limit that it meets in the overrun of its reference."""
     one = rig(home_type, homing_velocity_fast_dec=0.5, ls_type=ls_type).switched(
-        **{LIMIT_AHEAD: SwitchLayout(0.06 + gap, 1.0), **flags})
+        **{LIMIT_AHEAD: SwitchLayout(0.06 + gap, 1.0), **flags}
+    )
     course = one.home(start=0.03)
     assert course.outcome.success, course.outcome.message
     return furthest(course) - 0.06 - gap
@@ -276,17 +289,24 @@ def test_a_limit_that_rises_in_the_same_cycle_as_the_reference_brakes_as_hard():
 def test_a_limit_that_switches_off_brakes_the_overrun_like_a_fault():
     """The home stays good, so the servo stays on; but nothing is softer than ServoOff."""
     flag = {NEAR_AHEAD: SwitchLayout(0.06, 1.0)}
-    off, dec, slow = (furthest_past_a_limit('NearLS', 0.002, ls_type, **flag)
-                      for ls_type in ('ServoOff', 'Dec', 'SlowDec'))
+    off, dec, slow = (
+        furthest_past_a_limit('NearLS', 0.002, ls_type, **flag)
+        for ls_type in ('ServoOff', 'Dec', 'SlowDec')
+    )
     assert off == dec < slow < 0.012
 
 
 @pytest.mark.parametrize('on', [True, False], ids=['on', 'rising'])
-@pytest.mark.parametrize(('home_type', 'start', 'shift', 'flag'), [
-    ('CurrentPos', 0.05, 0.01, {LIMIT_AHEAD: SwitchLayout(0.055, 1.0)}),
-    ('HS', 0.05, -0.02, {LIMIT_BEHIND: SwitchLayout(-1.0, 0.045)})])
+@pytest.mark.parametrize(
+    ('home_type', 'start', 'shift', 'flag'),
+    [
+        ('CurrentPos', 0.05, 0.01, {LIMIT_AHEAD: SwitchLayout(0.055, 1.0)}),
+        ('HS', 0.05, -0.02, {LIMIT_BEHIND: SwitchLayout(-1.0, 0.045)}),
+    ],
+)
 def test_a_normal_limit_without_an_action_does_not_bar_the_home_shift(
-        home_type, start, shift, flag, on):
+    home_type, start, shift, flag, on
+):
     one = rig(home_type, home_shift_distance=shift, ls_type='None').switched(**flag)
     if on and home_type == 'CurrentPos':
         start = 0.06
@@ -402,8 +422,7 @@ def test_command_and_feedback_are_both_bounded(following):
 def test_arrows_are_remembered():
     hand = Hand('HS').run().edge(HS, True).run(80)
     assert hand.machine.finished
-    assert [event for _, event in hand.machine.arrows] == [
-        Event.HS_RISES, Event.DONE, Event.DONE]
+    assert [event for _, event in hand.machine.arrows] == [Event.HS_RISES, Event.DONE, Event.DONE]
 
 
 def test_a_pulse_that_was_latched_before_the_turn_is_forgotten():

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The action, beside the services."""
 
 import time
@@ -11,16 +12,22 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-LONG = {'hard_stops': [-0.005, 1.005], 'positive_limit_switch': [1.0, 1.2],
-        'home_switch': [0.9, 0.91], 'start': 0.1}
+LONG = {
+    'hard_stops': [-0.005, 1.005],
+    'positive_limit_switch': [1.0, 1.2],
+    'home_switch': [0.9, 0.91],
+    'start': 0.1,
+}
 
 
 @pytest.fixture(scope='module')
 def world(tmp_path_factory):
     axes = {'long': {'travel': 1.0}, 'a': {}, 'b': {'home_type': 'HS'}, 'two': {}}
-    with ros.World(tmp_path_factory.mktemp('action'),
-                   ros.node_parameters(axes, home_sequence=['b', 'a']),
-                   ros.plant_parameters({**{axis: {} for axis in axes}, 'long': LONG})) as world:
+    with ros.World(
+        tmp_path_factory.mktemp('action'),
+        ros.node_parameters(axes, home_sequence=['b', 'a']),
+        ros.plant_parameters({**{axis: {} for axis in axes}, 'long': LONG}),
+    ) as world:
         client = world.client
         client.homing = ActionClient(client.node, Home, client.name('home'))
         client.until(client.homing.server_is_ready)
@@ -39,7 +46,8 @@ def send(client, *axes):
     """Send a goal; return its handle, its feedback so far, and the future of its end."""
     feedback = []
     sent = client.homing.send_goal_async(
-        Home.Goal(axes=list(axes)), lambda message: feedback.append(message.feedback))
+        Home.Goal(axes=list(axes)), lambda message: feedback.append(message.feedback)
+    )
     handle = client.answer(sent)
     assert handle.accepted
     return handle, feedback, handle.get_result_async()
@@ -68,8 +76,7 @@ def test_a_goal_homes_axes_in_sequence(client):
     for message in feedback:
         assert [state.axis for state in message.states] == ['a', 'b']
         assert len(message.distance_traveled) == len(message.distance_bound) == 2
-        for traveled, bound in zip(
-                message.distance_traveled, message.distance_bound, strict=True):
+        for traveled, bound in zip(message.distance_traveled, message.distance_bound, strict=True):
             assert traveled >= 0
             assert traveled <= bound or bound == 0  # none
 
@@ -100,9 +107,11 @@ def test_a_goal_that_cannot_run_says_why(client):
     setpoints = client.record(JointTrajectory, 'setpoints')
     future = client.send(Trigger, 'long/home')
     ros.at_speed(client, setpoints, 'long')
-    for axes, start in (((), 'Busy: axis long: ~/long/home is homing'),
-                        (('a', 'long'), 'Busy: axis long: ~/long/home is homing'),
-                        (('a', 'q'), "UnknownAxis: 'q' is none of the axes long, a, b, two")):
+    for axes, start in (
+        ((), 'Busy: axis long: ~/long/home is homing'),
+        (('a', 'long'), 'Busy: axis long: ~/long/home is homing'),
+        (('a', 'q'), "UnknownAxis: 'q' is none of the axes long, a, b, two"),
+    ):
         end = client.answer(send(client, *axes)[2], 3.0)
         assert end.status == GoalStatus.STATUS_ABORTED
         assert not end.result.success
@@ -162,8 +171,12 @@ def test_the_service_cancels_a_goal(client):
 #: switch and the limit, so that they meet the limit first. They are sent in this order: the one
 #: that has to be canceled first is the last to begin.
 CANCELED_IN = {
-    'HomeShift': 'HSHS', 'ZPulseSearchReverse': 'HSReverseZPulse', 'SecondHSSearch': 'HSHS',
-    'HSClearReverse': 'HSHS', 'HSFallingEdgeSearchReverse': 'HSHS', 'HSSearch': 'HSHS',
+    'HomeShift': 'HSHS',
+    'ZPulseSearchReverse': 'HSReverseZPulse',
+    'SecondHSSearch': 'HSHS',
+    'HSClearReverse': 'HSHS',
+    'HSFallingEdgeSearchReverse': 'HSHS',
+    'HSSearch': 'HSHS',
 }
 #: q fails: its switch is further away than it may search. s would follow.
 GROUP = {'p': {'travel': 1.0}, 'q': {'max_search_distance': 0.01}, 'r': {'travel': 1.0}, 's': {}}
@@ -173,15 +186,20 @@ GROUP = {'p': {'travel': 1.0}, 'q': {'max_search_distance': 0.01}, 'r': {'travel
 def machine(tmp_path_factory):
     switches = ['home_switch', 'positive_limit_switch', 'negative_limit_switch', 'z_pulse']
     # No state is over before a busy machine has told of it and the cancel has come.
-    lasting = {'homing_velocity_fast': 0.025, 'homing_reverse_distance': 0.008,
-               'home_shift_distance': -0.02, 'switches': switches}
-    axes = {state: {'home_type': home_type, **lasting}
-            for state, home_type in CANCELED_IN.items()}
+    lasting = {
+        'homing_velocity_fast': 0.025,
+        'homing_reverse_distance': 0.008,
+        'home_shift_distance': -0.02,
+        'switches': switches,
+    }
+    axes = {state: {'home_type': home_type, **lasting} for state, home_type in CANCELED_IN.items()}
     plant = {**{state: {'start': 0.07} for state in axes}, 'p': LONG, 'q': {}, 'r': LONG, 's': {}}
     sequence = [', '.join(axes), 'p, q, r', 's']
-    with ros.World(tmp_path_factory.mktemp('machine'),
-                   ros.node_parameters({**axes, **GROUP}, home_sequence=sequence),
-                   ros.plant_parameters(plant)) as world:
+    with ros.World(
+        tmp_path_factory.mktemp('machine'),
+        ros.node_parameters({**axes, **GROUP}, home_sequence=sequence),
+        ros.plant_parameters(plant),
+    ) as world:
         client = world.client
         client.homing = ActionClient(client.node, Home, client.name('home'))
         client.until(client.homing.server_is_ready)
@@ -205,15 +223,19 @@ def test_cancel_in_each_state(machine, by):
         for axis in waiting & moved:
             if states[axis][-1].message.state == axis:
                 waiting.discard(axis)
-                canceled.append(goals[axis][0].cancel_goal_async() if by == 'goal'
-                                else client.send(Trigger, f'{axis}/cancel'))
+                canceled.append(
+                    goals[axis][0].cancel_goal_async()
+                    if by == 'goal'
+                    else client.send(Trigger, f'{axis}/cancel')
+                )
         return not waiting
 
     client.until(cancel_those_who_are_there)
     for axis, (_, _, ended) in goals.items():
         end = client.answer(ended, 3.0)
-        assert end.status == (GoalStatus.STATUS_CANCELED if by == 'goal'
-                              else GoalStatus.STATUS_ABORTED), axis
+        assert end.status == (
+            GoalStatus.STATUS_CANCELED if by == 'goal' else GoalStatus.STATUS_ABORTED
+        ), axis
         assert end.result.message.startswith(f'Canceled: axis {axis}: '), end.result.message
         assert [(s.state, s.homed) for s in end.result.states] == [('Idle', False)]
         client.until(lambda told=states[axis]: told[-1].message.state == 'Idle')
@@ -234,8 +256,11 @@ def test_one_of_a_group_fails(machine):
     assert end.status == GoalStatus.STATUS_ABORTED
     assert end.result.message.startswith('SearchDistanceExceeded: axis q: '), end.result.message
     assert [(s.axis, s.error, s.homed) for s in end.result.states] == [
-        ('p', 'Canceled', False), ('q', 'SearchDistanceExceeded', False),
-        ('r', 'Canceled', False), ('s', 'NoError', True)]  # s keeps the home that it had
+        ('p', 'Canceled', False),
+        ('q', 'SearchDistanceExceeded', False),
+        ('r', 'Canceled', False),
+        ('s', 'NoError', True),
+    ]  # s keeps the home that it had
     assert all(s.state == 'Idle' for s in end.result.states)
     assert {joint for h in setpoints for joint in h.message.joint_names} == {'p', 'q', 'r'}
     for axis in 'pqr':

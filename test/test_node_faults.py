@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faults between processes: what dies, hangs, lies or is cut off while an axis homes."""
 
 import json
@@ -30,19 +31,26 @@ DRIVE_STOPS = SPEED * 0.1 + SPEED**2 / 2.0
 
 # -- a node that dies -----------------------------------------------------------------------------
 
+
 def test_the_node_is_killed(tmp_path):
     """The drive stops by itself; the next node knows no home and moves nothing."""
-    parameters = ros.node_parameters({'x': {
-        'homing_reverse_distance': 0.02, 'homing_velocity_slow': 0.02, 'edge_tolerance': 0.002,
-        'switches': REPORTING}})
+    parameters = ros.node_parameters(
+        {
+            'x': {
+                'homing_reverse_distance': 0.02,
+                'homing_velocity_slow': 0.02,
+                'edge_tolerance': 0.002,
+                'switches': REPORTING,
+            }
+        }
+    )
     with ros.World(tmp_path, parameters, ros.plant_parameters({'x': DRIVE})) as world:
         client = world.client
         assert client.home('x')['x'].success
         setpoints = client.record(JointTrajectory, 'setpoints')
         feedback = client.record(JointState, '/joint_states')
         client.start('x')
-        client.until(lambda: setpoints
-                     and ros.course_of(setpoints, 'x')[-1].velocity < -0.0499)
+        client.until(lambda: setpoints and ros.course_of(setpoints, 'x')[-1].velocity < -0.0499)
 
         client.watch()
         world.node.signal(signal.SIGKILL)
@@ -63,8 +71,7 @@ def test_the_node_is_killed(tmp_path):
         assert (new[0].message.state, new[0].message.homed) == ('Idle', False)
         assert not setpoints
         assert feedback[-1].message.position[0] == pytest.approx(rest, abs=1e-6)
-        client.until(lambda: client.node.get_publishers_info_by_topic(
-            client.name('x/state')))
+        client.until(lambda: client.node.get_publishers_info_by_topic(client.name('x/state')))
         assert home_again(client).success
 
 
@@ -76,9 +83,9 @@ def at_rest(feedback, samples):
 def test_the_drive_reports_that_it_stopped_by_itself(tmp_path):
     """The run ends; requests are refused until the servo was switched off and on again."""
     parameters = ros.node_parameters(
-        {'x': {'switches': REPORTING, 'feedback_timeout': 10.0}}, cycle_timeout=10.0)
-    with ros.World(tmp_path, parameters,
-                   ros.plant_parameters({'x': DRIVE})) as world:
+        {'x': {'switches': REPORTING, 'feedback_timeout': 10.0}}, cycle_timeout=10.0
+    )
+    with ros.World(tmp_path, parameters, ros.plant_parameters({'x': DRIVE})) as world:
         client = world.client
         setpoints = client.record(JointTrajectory, 'setpoints')
         future = client.start('x')
@@ -91,8 +98,9 @@ def test_the_drive_reports_that_it_stopped_by_itself(tmp_path):
         assert client.trigger('x/home').message.startswith('ServoOff: axis x: ')
         for on in (False, True):
             assert client.servo('x', on).success
-        answer = client.until(lambda: not (
-            a := client.trigger('x/home', 40.0)).message.startswith('ServoOff') and a)
+        answer = client.until(
+            lambda: not (a := client.trigger('x/home', 40.0)).message.startswith('ServoOff') and a
+        )
         assert answer.success, answer.message
 
 
@@ -106,8 +114,10 @@ def home_again(client, axis='x'):
 
 # -- a node that hangs, clients and readers that vanish -------------------------------------------
 
-AXES = {'x': {'home_type': 'HS', 'travel': 1.0, 'feedback_timeout': 1.0},
-        'y': {'home_type': 'HS', 'travel': 1.0}}
+AXES = {
+    'x': {'home_type': 'HS', 'travel': 1.0, 'feedback_timeout': 1.0},
+    'y': {'home_type': 'HS', 'travel': 1.0},
+}
 
 
 @pytest.fixture(scope='module')
@@ -175,8 +185,11 @@ time.sleep(1000.0)  # it never takes a message
 def another(world, code, *arguments):
     """Run a program in the domain of the world, from its first line on."""
     with subprocess.Popen(
-            [sys.executable, '-c', code, *arguments], stdout=subprocess.PIPE, text=True,
-            env={**ros.os.environ, 'ROS_DOMAIN_ID': str(world.domain.number)}) as process:
+        [sys.executable, '-c', code, *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**ros.os.environ, 'ROS_DOMAIN_ID': str(world.domain.number)},
+    ) as process:
         try:
             assert process.stdout.readline() == 'ready\n'
             yield process
@@ -244,6 +257,7 @@ def test_a_client_vanishes_while_it_waits(client, world, setpoints, kind):
 
 # -- messages that lie ----------------------------------------------------------------------------
 
+
 def test_feedback_that_is_huge_or_broken(client, world, setpoints):
     """Far too many joints, lengths that do not fit, names that are no text."""
     publisher = client.node.create_publisher(JointState, '/joint_states', 10)
@@ -251,13 +265,15 @@ def test_feedback_that_is_huge_or_broken(client, world, setpoints):
     future = client.start('x')
     names = [f'joint_{i}' for i in range(20000)]
     broken = serialize_message(JointState(name=['AAAA'], position=[0.0]))
-    for message in (JointState(name=names, position=[1.0] * 20000),
-                    JointState(name=['x'] * 3, position=[]),
-                    JointState(name=[], position=[1.0] * 1000),
-                    JointState(name=['x', 'y'], position=[math.nan, math.inf]),
-                    JointState(name=['', 'ж', '\x00x'[:1]], position=[1.0, 2.0, 3.0]),
-                    broken.replace(b'AAAA', b'\xff\xfe\xc3\x28'),
-                    broken[:-6]):
+    for message in (
+        JointState(name=names, position=[1.0] * 20000),
+        JointState(name=['x'] * 3, position=[]),
+        JointState(name=[], position=[1.0] * 1000),
+        JointState(name=['x', 'y'], position=[math.nan, math.inf]),
+        JointState(name=['', 'ж', '\x00x'[:1]], position=[1.0, 2.0, 3.0]),
+        broken.replace(b'AAAA', b'\xff\xfe\xc3\x28'),
+        broken[:-6],
+    ):
         publisher.publish(message)
     ros.at_speed(client, setpoints, 'x')
     assert not future.done()
@@ -280,11 +296,20 @@ def test_a_topic_of_another_type(client, world, setpoints):
     client.start('y')
 
 
-@pytest.mark.parametrize('content', [
-    b'\xff\xfe\x00axes', b'', b'\x00' * 64, b'/**:\n  ros__parameters:\n    axes: ["\xc3\x28"]\n',
-    b'- 1\n- 2\n', b'/**: {ros__parameters: {axes: [.nan, .inf]}}\n',
-    b'/**:\n  ros__parameters:\n    axes: ["x"]\n    x: {travel: .inf, home_type: HS}\n',
-    b'/**:\n  ros__parameters: &a\n    axes: *a\n'], ids=range(8))
+@pytest.mark.parametrize(
+    'content',
+    [
+        b'\xff\xfe\x00axes',
+        b'',
+        b'\x00' * 64,
+        b'/**:\n  ros__parameters:\n    axes: ["\xc3\x28"]\n',
+        b'- 1\n- 2\n',
+        b'/**: {ros__parameters: {axes: [.nan, .inf]}}\n',
+        b'/**:\n  ros__parameters:\n    axes: ["x"]\n    x: {travel: .inf, home_type: HS}\n',
+        b'/**:\n  ros__parameters: &a\n    axes: *a\n',
+    ],
+    ids=range(8),
+)
 def test_parameters_that_are_no_yaml(tmp_path, content):
     """They end the start with a message, whatever they are."""
     file = tmp_path / 'bad.yaml'
@@ -292,7 +317,10 @@ def test_parameters_that_are_no_yaml(tmp_path, content):
     code = 'import sys; from homing_node.ros.main import main; sys.exit(main())'
     ended = subprocess.run(
         [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)],
-        capture_output=True, timeout=ros.PATIENCE, check=False)
+        capture_output=True,
+        timeout=ros.PATIENCE,
+        check=False,
+    )
     output = ended.stdout + ended.stderr
     assert ended.returncode == 1, output
     assert b'homing_node: ' in output
@@ -313,22 +341,31 @@ class Hosts:
         self.cable = cable.Cable()
         self.domain = ros.Domain()
         self.processes = []
-        axes = {'x': {'homing_velocity_slow': 0.02, 'homing_reverse_distance': 0.02,
-                      'edge_tolerance': 0.002, 'feedback_timeout': 0.4}}
+        axes = {
+            'x': {
+                'homing_velocity_slow': 0.02,
+                'homing_reverse_distance': 0.02,
+                'edge_tolerance': 0.002,
+                'feedback_timeout': 0.4,
+            }
+        }
         self.start('homing_node', self.cable.near, ros.node_parameters(axes))
         self.start('simulated_axes', self.cable.far, ros.plant_parameters({'x': DRIVE}))
 
     def start(self, name, host, parameters):
         file = self.folder / f'{name}.yaml'
-        file.write_text(yaml.dump({'/**': {'ros__parameters': parameters}},
-                                  Dumper=ros.PlainDumper))
+        file.write_text(
+            yaml.dump({'/**': {'ros__parameters': parameters}}, Dumper=ros.PlainDumper)
+        )
         code = f'import sys; from {ros.MAINS[name]} import main; sys.exit(main())'
-        self.processes.append(self.run(
-            host, name, '-c', code, '--ros-args', '--params-file', str(file)))
+        self.processes.append(
+            self.run(host, name, '-c', code, '--ros-args', '--params-file', str(file))
+        )
 
     def run(self, host, name, *arguments):
-        return self.cable.run(host, arguments, self.folder / f'{name}.log',
-                              ROS_DOMAIN_ID=str(self.domain.number))
+        return self.cable.run(
+            host, arguments, self.folder / f'{name}.log', ROS_DOMAIN_ID=str(self.domain.number)
+        )
 
     def home(self, moving=lambda: None):
         """Home from a client on the node's host; return what it tells."""
@@ -347,8 +384,10 @@ class Hosts:
 
     def last_setpoint_of_the_drive(self):
         """Return the position after which the drive stopped by itself, as it tells it."""
-        told = re.findall('no setpoint came after that of (\\S+):',
-                          (self.folder / 'simulated_axes.log').read_text())
+        told = re.findall(
+            'no setpoint came after that of (\\S+):',
+            (self.folder / 'simulated_axes.log').read_text(),
+        )
         assert told, 'the drive did not stop by itself'
         return float(told[-1])
 

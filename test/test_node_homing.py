@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Home types between real processes: from every start position, in both directions."""
 
 import re
@@ -75,10 +76,16 @@ def run(request, tmp_path_factory):
         axes[name] = {
             'home_type': request.param,
             'home_direction': 'Positive' if name.startswith('up') else 'Negative',
-            'switches': ['home_switch', 'positive_limit_switch', 'negative_limit_switch',
-                         'z_pulse']}
-    with ros.World(tmp_path_factory.mktemp('homing'), ros.node_parameters(axes),
-                   ros.plant_parameters(layouts)) as world:
+            'switches': [
+                'home_switch',
+                'positive_limit_switch',
+                'negative_limit_switch',
+                'z_pulse',
+            ],
+        }
+    with ros.World(
+        tmp_path_factory.mktemp('homing'), ros.node_parameters(axes), ros.plant_parameters(layouts)
+    ) as world:
         yield Run(world, request.param)
 
 
@@ -99,7 +106,8 @@ def test_every_axis_finds_its_edge(run):
         assert answer.success, answer.message
         found = re.match(
             r'Homed: home_position_raw=(\S+) home_offset=(\S+) uncertainty=(\S+)( |$)',
-            answer.message)
+            answer.message,
+        )
         assert found, answer.message
         raw, offset, uncertainty = map(float, found.groups()[:3])
         error = abs(raw - sign_of(axis) * EDGE[run.home_type])
@@ -116,7 +124,8 @@ def test_every_state_on_the_way_is_published(run):
         assert all(m.axis == axis and m.error == 'NoError' and not m.paused for m in messages)
         assert [m.homed for m in messages] == [False] * (len(messages) - 1) + [True]
         assert messages[-1].home_position_raw == pytest.approx(
-            sign_of(axis) * EDGE[run.home_type], abs=1e-4)
+            sign_of(axis) * EDGE[run.home_type], abs=1e-4
+        )
         assert messages[-1].home_offset == messages[-1].home_position_raw
         assert 0 <= messages[-1].uncertainty <= UNCERTAIN * SPEED[run.home_type] / 500 + 1e-8
         stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in messages]
@@ -127,7 +136,7 @@ def test_every_state_on_the_way_is_published(run):
 
 def test_setpoints_keep_to_the_limits(run):
     for axis in run.axes:
-        samples = ros.course_of(run.setpoints[:run.total], axis)
+        samples = ros.course_of(run.setpoints[: run.total], axis)
         braked_by_limit = start_of(axis) == 'between'
         ros.assert_within_limits(samples, 0.05, 1.0 if braked_by_limit else 0.5, 20.0)
         start = sign_of(axis) * STARTS[start_of(axis)]['start']
@@ -141,7 +150,7 @@ def test_setpoints_keep_to_the_limits(run):
 
 
 def test_setpoints_are_one_point_of_the_joints_that_home(run):
-    for heard in run.setpoints[:run.total]:
+    for heard in run.setpoints[: run.total]:
         message = heard.message
         (point,) = message.points
         assert (message.header.stamp.sec, message.header.stamp.nanosec) == (0, 0)
@@ -154,7 +163,7 @@ def test_setpoints_are_one_point_of_the_joints_that_home(run):
 
 
 def test_a_setpoint_every_cycle(run):
-    times = [s.sent * 1e-9 for s in ros.course_of(run.setpoints[:run.total], 'up_between')]
+    times = [s.sent * 1e-9 for s in ros.course_of(run.setpoints[: run.total], 'up_between')]
     steps = sorted(b - a for a, b in pairwise(times))
     # A busy machine misses a cycle now and then; twice as many setpoints, or half, would show.
     assert steps[len(steps) // 2] == pytest.approx(0.004, rel=0.3)
@@ -188,8 +197,12 @@ def test_homed_joint_states(run):
 
 @ONE_TYPE
 def test_diagnostics(run):
-    run.client.until(lambda: run.diagnostics and all(
-        s.message == 'homed' for s in run.diagnostics[-1].message.status))
+    run.client.until(
+        lambda: (
+            run.diagnostics
+            and all(s.message == 'homed' for s in run.diagnostics[-1].message.status)
+        )
+    )
     statuses = {s.hardware_id: s for s in run.diagnostics[-1].message.status}
     assert set(statuses) == set(run.axes)
     for status in statuses.values():

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the node starts, is wired and ends."""
 
 import os
@@ -18,6 +19,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 # ------------------------------------------------------------------------------ bad parameters
 
+
 def described(**changes):
     """Return node parameters of one axis with changes; None leaves one out."""
     axis = {**ros.AXIS, **changes}
@@ -27,28 +29,55 @@ def described(**changes):
 def fault_cases():
     return {
         'several': (
-            {**described(travel=None, homing_velocity_fst=0.1, homing_velocity_slow=-1.0,
-                         home_type='HSHSH'), 'update_rat': 250.0, 'z': {'travel': 1.0}},
-            ['x.travel', 'x.homing_velocity_fst', "did you mean 'homing_velocity_fast'",
-             'x.homing_velocity_slow: -1.0 m/s must be > 0 m/s', "'HSHSH'", 'update_rat',
-             "did you mean 'update_rate'", 'z.travel']),
+            {
+                **described(
+                    travel=None,
+                    homing_velocity_fst=0.1,
+                    homing_velocity_slow=-1.0,
+                    home_type='HSHSH',
+                ),
+                'update_rat': 250.0,
+                'z': {'travel': 1.0},
+            },
+            [
+                'x.travel',
+                'x.homing_velocity_fst',
+                "did you mean 'homing_velocity_fast'",
+                'x.homing_velocity_slow: -1.0 m/s must be > 0 m/s',
+                "'HSHSH'",
+                'update_rat',
+                "did you mean 'update_rate'",
+                'z.travel',
+            ],
+        ),
         'of every node': (
-            {**described(), 'use_sim_time': 5}, ['the parameters are not valid', 'use_sim_time']),
+            {**described(), 'use_sim_time': 5},
+            ['the parameters are not valid', 'use_sim_time'],
+        ),
         'of QoS': (
-            {**described(), 'qos_overrides': {'/homing_node/x/home_switch': {'subscription': {
-                'durablity': 'transient_local', 'depth': -1}}}},
-            ["did you mean 'durability'", 'depth: -1']),
+            {
+                **described(),
+                'qos_overrides': {
+                    '/homing_node/x/home_switch': {
+                        'subscription': {'durablity': 'transient_local', 'depth': -1}
+                    }
+                },
+            },
+            ["did you mean 'durability'", 'depth: -1'],
+        ),
         'a topic of another type': (
             described(topics={'home_switch': '/joint_states'}),
-            ['x.topics.home_switch: cannot subscribe to /joint_states: ']),
+            ['x.topics.home_switch: cannot subscribe to /joint_states: '],
+        ),
         'beyond every range': (
             described(travel=1e301, timeout=1e302),
-            ['x.travel: 1e+301 m must be <= 1e+300 and > 0 m', 'x.timeout: 1e+302 s must be']),
+            ['x.travel: 1e+301 m must be <= 1e+300 and > 0 m', 'x.timeout: 1e+302 s must be'],
+        ),
         'unquoted y': (
             '/**:\n  ros__parameters:\n    axes: [x, y]\n',
-            ['params', 'unquoted', "'y'"]),
-        'malformed': (
-            '/**:\n  ros__parameters:\n   axes: ["x"\n    x: {\n', ['params']),
+            ['params', 'unquoted', "'y'"],
+        ),
+        'malformed': ('/**:\n  ros__parameters:\n   axes: ["x"\n    x: {\n', ['params']),
     }
 
 
@@ -58,7 +87,8 @@ def refusals(tmp_path_factory):
     folder, domain = tmp_path_factory.mktemp('faults'), ros.Domain()
     processes = {
         name: ros.Process('homing_node', folder, domain, parameters)
-        for name, (parameters, _) in fault_cases().items()}
+        for name, (parameters, _) in fault_cases().items()
+    }
     for process in processes.values():
         process.wait()
     domain.release()
@@ -76,13 +106,15 @@ def test_bad_parameters_stop_the_start(refusals, case):
 
 # ------------------------------------------------------------------------------------- the end
 
+
 @pytest.fixture(scope='module')
 def ended(tmp_path_factory):
     """Let two nodes end in the middle of a search: what was seen, by signal."""
     seen = {}
     for number in (signal.SIGINT, signal.SIGTERM):
-        with ros.World(tmp_path_factory.mktemp(number.name),
-                       ros.node_parameters({'x': {'travel': 1.0}})) as world:
+        with ros.World(
+            tmp_path_factory.mktemp(number.name), ros.node_parameters({'x': {'travel': 1.0}})
+        ) as world:
             client = world.client
             hand = ros.HandPlant(client, x=0.1)
             hand.set_levels('x')
@@ -132,11 +164,14 @@ def test_a_signal_answers_the_request_and_ends_the_node(ended, number):
 def test_reports_that_break_stop_the_axis_and_end_the_node(tmp_path, monkeypatch):
     trigger = tmp_path / 'break'
     monkeypatch.setenv('BREAK', str(trigger))
-    monkeypatch.setenv('PYTHONPATH', os.pathsep.join(
-        [str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')]))
+    monkeypatch.setenv(
+        'PYTHONPATH',
+        os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')]),
+    )
     monkeypatch.setitem(ros.MAINS, 'homing_node', 'breaking_node')
-    with ros.World(tmp_path, ros.node_parameters({'x': {}}),
-                   ros.plant_parameters({'x': {}})) as world:
+    with ros.World(
+        tmp_path, ros.node_parameters({'x': {}}), ros.plant_parameters({'x': {}})
+    ) as world:
         setpoints = world.client.record(JointTrajectory, 'setpoints')
         world.client.start('x')
         ros.at_speed(world.client, setpoints, 'x')
@@ -151,28 +186,46 @@ def test_reports_that_break_stop_the_axis_and_end_the_node(tmp_path, monkeypatch
 
 # ------------------------------------------------------- position interface, names and topics
 
+
 @pytest.fixture(scope='module')
 def cell(tmp_path_factory):
     """Run a node of another name in a namespace, wired by remapping and by its parameters."""
-    axes = {'a': {'topics': {'home_switch': '/io/flag', 'positive_limit_switch': 'io/limit'}},
-            'b': {'joint': 'joint_b', 'home_direction': 'Negative', 'home_type': 'HS'},
-            'c': {'home_type': 'HS'}}
+    axes = {
+        'a': {'topics': {'home_switch': '/io/flag', 'positive_limit_switch': 'io/limit'}},
+        'b': {'joint': 'joint_b', 'home_direction': 'Negative', 'home_type': 'HS'},
+        'c': {'home_type': 'HS'},
+    }
     names = ['-r', '__ns:=/cell']
     with ros.World(
-            tmp_path_factory.mktemp('cell'),
-            ros.node_parameters(axes, setpoint_interface='position',
-                                home_sequence=['c, b', 'a']),
-            ros.plant_parameters(
-                {'a': {}, 'b': {**ros.mirrored(ros.LAYOUT), 'joint': 'joint_b'}, 'c': {}},
-                target_node='/cell/homer', setpoint_interface='position'),
-            node='/cell/homer',
-            arguments=[*names, '-r', '__node:=homer', '-r', 'joint_states:=/cell/feedback',
-                       '-r', '~/c/home_switch:=/io/c'],
-            plant_arguments=[
-                *names, '-r', 'joint_states:=/cell/feedback',
-                '-r', '/cell/homer/a/home_switch:=/io/flag',
-                '-r', '/cell/homer/c/home_switch:=/io/c',
-                '-r', '/cell/homer/a/positive_limit_switch:=/cell/io/limit']) as world:
+        tmp_path_factory.mktemp('cell'),
+        ros.node_parameters(axes, setpoint_interface='position', home_sequence=['c, b', 'a']),
+        ros.plant_parameters(
+            {'a': {}, 'b': {**ros.mirrored(ros.LAYOUT), 'joint': 'joint_b'}, 'c': {}},
+            target_node='/cell/homer',
+            setpoint_interface='position',
+        ),
+        node='/cell/homer',
+        arguments=[
+            *names,
+            '-r',
+            '__node:=homer',
+            '-r',
+            'joint_states:=/cell/feedback',
+            '-r',
+            '~/c/home_switch:=/io/c',
+        ],
+        plant_arguments=[
+            *names,
+            '-r',
+            'joint_states:=/cell/feedback',
+            '-r',
+            '/cell/homer/a/home_switch:=/io/flag',
+            '-r',
+            '/cell/homer/c/home_switch:=/io/c',
+            '-r',
+            '/cell/homer/a/positive_limit_switch:=/cell/io/limit',
+        ],
+    ) as world:
         yield world
 
 
@@ -192,7 +245,8 @@ def test_a_sequence_in_a_namespace_with_position_commands(cell):
     assert not setpoints
     rows = [heard.message.data for heard in commands]
     assert [heard.sequence for heard in commands] == list(
-        range(commands[0].sequence, commands[0].sequence + len(commands)))
+        range(commands[0].sequence, commands[0].sequence + len(commands))
+    )
     # In the order of `axes`; an axis that is idle keeps what it had.
     assert {len(row) for row in rows} == {3}
     assert rows[0] == pytest.approx([0.04, -0.04, 0.04], abs=1e-5)
@@ -203,12 +257,11 @@ def test_a_sequence_in_a_namespace_with_position_commands(cell):
         moved[joint] = (changes[0], changes[-1])
         first, last = moved[joint]
         assert set(values[:first]) <= {values[0]}
-        assert set(values[last + 1:]) == {values[-1]}
+        assert set(values[last + 1 :]) == {values[-1]}
         samples = [ros.Sample(i, p, 0.0, 0.0, 0) for i, p in enumerate(values)]
         derivative = [s.position for s in samples]
         for limit in (0.05, 0.5, 20.0):
-            derivative = [(y - x) / 0.004
-                          for x, y in pairwise(derivative)]
+            derivative = [(y - x) / 0.004 for x, y in pairwise(derivative)]
             assert max(map(abs, derivative)) <= limit * (1 + 1e-4) + 1e-6
     assert moved['b'][0] < 5
     assert moved['c'][0] < 5
@@ -222,8 +275,14 @@ def test_a_sequence_in_a_namespace_with_position_commands(cell):
 def test_topics_that_were_wired(cell):
     client = cell.client
     heard = dict(client.node.get_subscriber_names_and_types_by_node('homer', '/cell'))
-    assert {'/io/flag', '/cell/io/limit', '/io/c', '/cell/feedback',
-            '/cell/homer/a/negative_limit_switch', '/cell/homer/emergency_stop'} <= set(heard)
+    assert {
+        '/io/flag',
+        '/cell/io/limit',
+        '/io/c',
+        '/cell/feedback',
+        '/cell/homer/a/negative_limit_switch',
+        '/cell/homer/emergency_stop',
+    } <= set(heard)
     assert '/cell/homer/a/home_switch' not in heard
     assert '/joint_states' not in heard
 
@@ -236,25 +295,36 @@ def test_parameters_under_another_name(cell):
 
 #: Homings in a row; `make fuzz` asks for a thousand.
 HOMINGS = 1000 if os.environ.get('HOMING_FUZZ') else 60
-FAST = {'home_type': 'HS', 'homing_velocity_fast': 0.2, 'homing_velocity_fast_acc': 8.0,
-        'homing_velocity_fast_dec': 8.0, 'home_shift_velocity': 0.2, 'home_shift_acc': 8.0,
-        'home_shift_dec': 8.0, 'max_jerk': 1000.0}
+FAST = {
+    'home_type': 'HS',
+    'homing_velocity_fast': 0.2,
+    'homing_velocity_fast_acc': 8.0,
+    'homing_velocity_fast_dec': 8.0,
+    'home_shift_velocity': 0.2,
+    'home_shift_acc': 8.0,
+    'home_shift_dec': 8.0,
+    'max_jerk': 1000.0,
+}
 
 
 def held_by(process):
     """Return what a process holds: resident memory in bytes, threads, open files."""
     folder = Path('/proc', str(process.process.pid))
     pages = int((folder / 'statm').read_text().split()[1])
-    return (pages * os.sysconf('SC_PAGE_SIZE'), len(list((folder / 'task').iterdir())),
-            len(list((folder / 'fd').iterdir())))
+    return (
+        pages * os.sysconf('SC_PAGE_SIZE'),
+        len(list((folder / 'task').iterdir())),
+        len(list((folder / 'fd').iterdir())),
+    )
 
 
 def test_homings_in_a_row(tmp_path):
     """Neither memory nor threads nor files nor the time of an answer grow."""
     axes = [f'a{i}' for i in range(4)]
     parameters = ros.node_parameters(dict.fromkeys(axes, FAST))
-    with ros.World(tmp_path, parameters,
-                   ros.plant_parameters({axis: {} for axis in axes})) as world:
+    with ros.World(
+        tmp_path, parameters, ros.plant_parameters({axis: {} for axis in axes})
+    ) as world:
         waits = []
 
         def home(times):
@@ -277,6 +347,7 @@ def test_homings_in_a_row(tmp_path):
 
 
 # ----------------------------------------------------------------------------------- the process
+
 
 def test_the_node_starts(tmp_path):
     """Others are looked for before the rest is imported; the collector rests only that long.
@@ -324,15 +395,20 @@ sys.exit(main.main())
 """
     domain = ros.Domain()
     ended = subprocess.run(
-        [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)], check=False,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(domain.number)}, capture_output=True, text=True,
-        timeout=ros.PATIENCE)
+        [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)],
+        check=False,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(domain.number)},
+        capture_output=True,
+        text=True,
+        timeout=ros.PATIENCE,
+    )
     domain.release()
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout == "False False\n[] []\nTrue True 1\n['homing_node'] []\n"
 
 
 # ------------------------------------------------------------------------------------- the demo
+
 
 def test_the_demo():
     """What `make demo` runs homes an axis and draws its course."""
@@ -342,10 +418,15 @@ def test_the_demo():
     del environment['FASTRTPS_DEFAULT_PROFILES_FILE']  # a user has none
     begin = time.time()
     ended = subprocess.run(
-        [sys.executable, str(root / 'scripts' / 'demo.py')], env=environment, check=False,
-        capture_output=True, text=True, timeout=3 * ros.PATIENCE)
+        [sys.executable, str(root / 'scripts' / 'demo.py')],
+        env=environment,
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=3 * ros.PATIENCE,
+    )
     domain.release()
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    off, = re.findall(r'home is (\S+) µm off', ended.stdout)
+    (off,) = re.findall(r'home is (\S+) µm off', ended.stdout)
     assert float(off) < 10.0
     assert (root / 'demo.png').stat().st_mtime >= begin

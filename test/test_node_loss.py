@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the node does when inputs fail, with a plant whose every message the test controls."""
 
 import math
@@ -12,10 +13,16 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 PERIODIC = {'switch_timeout': 0.3}
-DRIVE = {'switches': ['home_switch', 'positive_limit_switch', 'negative_limit_switch',
-                      'servo_enabled']}
-AXES = {'x': {'home_type': 'HS'}, 'lost': {'feedback_timeout': 0.3}, 'timed': PERIODIC,
-        'drive': DRIVE, 'probe': {'home_type': 'TouchProbe', 'switches': ['touch_probe']}}
+DRIVE = {
+    'switches': ['home_switch', 'positive_limit_switch', 'negative_limit_switch', 'servo_enabled']
+}
+AXES = {
+    'x': {'home_type': 'HS'},
+    'lost': {'feedback_timeout': 0.3},
+    'timed': PERIODIC,
+    'drive': DRIVE,
+    'probe': {'home_type': 'TouchProbe', 'switches': ['touch_probe']},
+}
 AXES = {name: {'travel': 1.0, **values} for name, values in AXES.items()}
 
 
@@ -98,14 +105,22 @@ def test_a_driver_that_came_back_has_to_tell_the_levels(client, hand, setpoints)
     client.start('x')
     client.trigger('x/cancel')
     hand.drop(topic)
-    client.until(lambda: client.trigger('x/home').message == (
-        f'SwitchUnknown: axis x: nobody publishes home_switch ({client.name(topic)})'))
+    client.until(
+        lambda: (
+            client.trigger('x/home').message
+            == (f'SwitchUnknown: axis x: nobody publishes home_switch ({client.name(topic)})')
+        )
+    )
     client.pass_time(0.2)
     count = len(setpoints)  # of a run that began before the node knew
     silent = hand.announce(topic)
     client.until(lambda: silent.get_subscription_count() > 0)
-    client.until(lambda: client.trigger('x/home').message == (
-        f'SwitchUnknown: axis x: no message yet from home_switch ({client.name(topic)})'))
+    client.until(
+        lambda: (
+            client.trigger('x/home').message
+            == (f'SwitchUnknown: axis x: no message yet from home_switch ({client.name(topic)})')
+        )
+    )
     client.pass_time(0.1)
     assert len(setpoints) == count
     hand.set(topic, False)
@@ -220,10 +235,12 @@ def test_nonsense_in_the_feedback_is_ignored(client, hand, setpoints):
     publisher = client.node.create_publisher(JointState, '/joint_states', 10)
     client.until(lambda: publisher.get_subscription_count() > 0)
     future = client.start('x')
-    for message in (JointState(name=['x'], position=[math.nan]),
-                    JointState(name=['x', 'timed'], position=[]),
-                    JointState(name=['other'], position=[1.0]),
-                    JointState(name=['x'], position=[math.inf])):
+    for message in (
+        JointState(name=['x'], position=[math.nan]),
+        JointState(name=['x', 'timed'], position=[]),
+        JointState(name=['other'], position=[1.0]),
+        JointState(name=['x'], position=[math.inf]),
+    ):
         publisher.publish(message)
     ros.at_speed(client, setpoints, 'x')
     assert not future.done()

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Services and parameters of the node, with a simulated plant as a process of its own."""
 
 import time
@@ -13,8 +14,12 @@ from trajectory_msgs.msg import JointTrajectory
 from homing_node.client import HomingClient
 
 #: An axis that searches for 16 s unless it is stopped.
-LONG = {'hard_stops': [-0.005, 1.005], 'positive_limit_switch': [1.0, 1.2],
-        'home_switch': [0.9, 0.91], 'start': 0.1}
+LONG = {
+    'hard_stops': [-0.005, 1.005],
+    'positive_limit_switch': [1.0, 1.2],
+    'home_switch': [0.9, 0.91],
+    'start': 0.1,
+}
 #: No plant has the joint of `mute`; nobody publishes the home switch of `deaf`.
 AXES = {
     'long': {'travel': 1.0},
@@ -23,14 +28,20 @@ AXES = {
     'mute': {},
     'two': {},
 }
-PLANT = {'long': LONG, 'y': {'joint': 'joint_y'}, 'deaf': {}, 'mute': {'joint': 'no_axis'},
-         'two': {}}
+PLANT = {
+    'long': LONG,
+    'y': {'joint': 'joint_y'},
+    'deaf': {},
+    'mute': {'joint': 'no_axis'},
+    'two': {},
+}
 
 
 @pytest.fixture(scope='module')
 def world(tmp_path_factory):
-    with ros.World(tmp_path_factory.mktemp('services'), ros.node_parameters(AXES),
-                   ros.plant_parameters(PLANT)) as world:
+    with ros.World(
+        tmp_path_factory.mktemp('services'), ros.node_parameters(AXES), ros.plant_parameters(PLANT)
+    ) as world:
         yield world
 
 
@@ -59,11 +70,18 @@ def test_discovery_by_the_name_of_the_node(client):
     client.until(lambda: '/homing_node/cancel' in services_of_node())
     services = services_of_node()
     for axis in AXES:
-        for name, kind in (('home', 'Trigger'), ('cancel', 'Trigger'), ('continue', 'Trigger'),
-                           ('servo', 'SetBool')):
+        for name, kind in (
+            ('home', 'Trigger'),
+            ('cancel', 'Trigger'),
+            ('continue', 'Trigger'),
+            ('servo', 'SetBool'),
+        ):
             assert services[f'/homing_node/{axis}/{name}'] == [f'std_srvs/srv/{kind}']
-    assert services['/homing_node/home'] == services['/homing_node/cancel'] == [
-        'std_srvs/srv/Trigger']
+    assert (
+        services['/homing_node/home']
+        == services['/homing_node/cancel']
+        == ['std_srvs/srv/Trigger']
+    )
     published = dict(node.get_publisher_names_and_types_by_node('homing_node', '/'))
     assert published['/homing_node/setpoints'] == ['trajectory_msgs/msg/JointTrajectory']
     assert published['/homing_node/y/state'] == ['homing_interfaces/msg/AxisState']
@@ -204,8 +222,7 @@ def test_servo_off_and_on_within_a_cycle(client):
 
 @pytest.fixture
 def emergency_stop(client):
-    publisher = client.node.create_publisher(
-        Bool, client.name('emergency_stop'), ros.LATCHED)
+    publisher = client.node.create_publisher(Bool, client.name('emergency_stop'), ros.LATCHED)
     client.until(lambda: publisher.get_subscription_count() > 0)
     yield publisher
     publisher.publish(Bool(data=False))
@@ -265,23 +282,49 @@ def test_pause_and_continue(client, setpoints):
 
 def test_parameters_are_listed(client):
     names = set(client.ask(ListParameters, 'list_parameters', depth=0).result.names)
-    assert {'axes', 'update_rate', 'cycle_timeout', 'setpoint_interface', 'home_sequence',
-            'y.joint', 'y.home_type', 'y.travel', 'y.homing_velocity_fast', 'y.switches',
-            'y.topics.home_switch', 'long.travel'} <= names
+    assert {
+        'axes',
+        'update_rate',
+        'cycle_timeout',
+        'setpoint_interface',
+        'home_sequence',
+        'y.joint',
+        'y.home_type',
+        'y.travel',
+        'y.homing_velocity_fast',
+        'y.switches',
+        'y.topics.home_switch',
+        'long.travel',
+    } <= names
 
 
 def test_parameters_are_read(client):
-    assert client.get('axes', 'y.joint', 'y.home_type', 'y.homing_velocity_slow', 'y.switches',
-                      'y.invert_hs_polarity', 'deaf.topics.home_switch', 'setpoint_interface') == [
-        list(AXES), 'joint_y', 'HSHS', 0.005,
-        ['home_switch', 'positive_limit_switch', 'negative_limit_switch'], False, '/nowhere',
-        'trajectory']
+    assert client.get(
+        'axes',
+        'y.joint',
+        'y.home_type',
+        'y.homing_velocity_slow',
+        'y.switches',
+        'y.invert_hs_polarity',
+        'deaf.topics.home_switch',
+        'setpoint_interface',
+    ) == [
+        list(AXES),
+        'joint_y',
+        'HSHS',
+        0.005,
+        ['home_switch', 'positive_limit_switch', 'negative_limit_switch'],
+        False,
+        '/nowhere',
+        'trajectory',
+    ]
 
 
 def test_parameters_are_described(client):
     names = ['y.homing_velocity_fast', 'y.home_type', 'axes', 'y.multiple_z_pulse', 'y.ls_dec']
     velocity, kind, axes, pulses, _ = client.ask(
-        DescribeParameters, 'describe_parameters', names=names).descriptors
+        DescribeParameters, 'describe_parameters', names=names
+    ).descriptors
     assert velocity.name == 'y.homing_velocity_fast'
     assert velocity.type == ParameterType.PARAMETER_DOUBLE
     assert 'velocity of switch searches' in velocity.description
@@ -294,9 +337,13 @@ def test_parameters_are_described(client):
     names.append('home_sequence')  # empty here
     types = client.ask(GetParameterTypes, 'get_parameter_types', names=names).types
     assert list(types) == [
-        ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_STRING,
-        ParameterType.PARAMETER_STRING_ARRAY, ParameterType.PARAMETER_INTEGER,
-        ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_STRING_ARRAY]
+        ParameterType.PARAMETER_DOUBLE,
+        ParameterType.PARAMETER_STRING,
+        ParameterType.PARAMETER_STRING_ARRAY,
+        ParameterType.PARAMETER_INTEGER,
+        ParameterType.PARAMETER_DOUBLE,
+        ParameterType.PARAMETER_STRING_ARRAY,
+    ]
 
 
 def test_an_integer_is_a_real_number(client):
@@ -306,38 +353,41 @@ def test_an_integer_is_a_real_number(client):
     assert client.set(y__max_jerk=20.0).successful
 
 
-@pytest.mark.parametrize(('name', 'value', 'parts'), [
-    ('y__homing_velocity_fast', -0.1, ('y.homing_velocity_fast', '-0.1', '> 0', 'm/s')),
-    ('y__homing_velocity_fast', 0.0, ('y.homing_velocity_fast', '0.0', '> 0', 'm/s')),
-    ('y__homing_velocity_fast', float('nan'), ('y.homing_velocity_fast', 'nan')),
-    ('y__travel', float('inf'), ('y.travel', 'inf')),
-    ('y__homing_reverse_distance', -1, ('y.homing_reverse_distance', '-1', '>= 0', ' m')),
-    ('y__z_pulse_distance_tolerance', 1.5, ('y.z_pulse_distance_tolerance', '1.5', '<= 1')),
-    ('y__home_type', 'HSHSHS', ('y.home_type', 'HSHSHS', "did you mean 'HSHS'")),
-    ('y__switches', ['home_swich'], ('y.switches', 'home_swich', "'home_switch'")),
-    ('y__invert_hs_polarity', 'yes', ('y.invert_hs_polarity', 'yes', 'true or false')),
-    ('y__travel', 'long', ('y.travel', 'long', 'a number', 'm')),
-    ('y__joint', 5, ('y.joint', '5', 'a string')),
-    ('y__multiple_z_pulse', 1.5, ('y.multiple_z_pulse', '1.5', 'an integer')),
-    ('cycle_timeout', 0.0, ('cycle_timeout', '0.0', '> 0', 's')),
-    ('home_sequence', ['y, q'], ('home_sequence', "'q'")),
-    ('home_sequence', ['y', 'y'], ('home_sequence', "'y'", 'twice')),
-    ('home_sequence', 5.0, ('home_sequence', '5.0', 'list of strings')),
-    ('home_sequence', True, ('home_sequence', 'True', 'list of strings')),
-    ('home_sequence', None, ('home_sequence', 'deleted')),
-    ('cycle_timeout', None, ('cycle_timeout', 'deleted')),
-    ('y__travel', None, ('y.travel', 'deleted')),
-    ('y__topics__home_switch', None, ('y.topics.home_switch', 'deleted')),
-    ('use_sim_time', None, ('use_sim_time', 'deleted')),
-    ('y__topics__home_switch', '/a b', ('y.topics.home_switch', "'/a b'")),
-    ('y__topics__home_switch', 'a/', ('y.topics.home_switch', "'a/'")),
-    ('y__joint', 'z', ('y.joint', 'read-only')),
-    ('axes', ['q'], ('axes', 'read-only')),
-    ('update_rate', 100.0, ('update_rate', 'read-only')),
-    ('use_sim_time', True, ('use_sim_time', 'read-only')),
-    ('y__homing_velocity_fst', 0.1, ('y.homing_velocity_fst',)),
-    ('q__travel', 0.1, ('q.travel',)),
-])
+@pytest.mark.parametrize(
+    ('name', 'value', 'parts'),
+    [
+        ('y__homing_velocity_fast', -0.1, ('y.homing_velocity_fast', '-0.1', '> 0', 'm/s')),
+        ('y__homing_velocity_fast', 0.0, ('y.homing_velocity_fast', '0.0', '> 0', 'm/s')),
+        ('y__homing_velocity_fast', float('nan'), ('y.homing_velocity_fast', 'nan')),
+        ('y__travel', float('inf'), ('y.travel', 'inf')),
+        ('y__homing_reverse_distance', -1, ('y.homing_reverse_distance', '-1', '>= 0', ' m')),
+        ('y__z_pulse_distance_tolerance', 1.5, ('y.z_pulse_distance_tolerance', '1.5', '<= 1')),
+        ('y__home_type', 'HSHSHS', ('y.home_type', 'HSHSHS', "did you mean 'HSHS'")),
+        ('y__switches', ['home_swich'], ('y.switches', 'home_swich', "'home_switch'")),
+        ('y__invert_hs_polarity', 'yes', ('y.invert_hs_polarity', 'yes', 'true or false')),
+        ('y__travel', 'long', ('y.travel', 'long', 'a number', 'm')),
+        ('y__joint', 5, ('y.joint', '5', 'a string')),
+        ('y__multiple_z_pulse', 1.5, ('y.multiple_z_pulse', '1.5', 'an integer')),
+        ('cycle_timeout', 0.0, ('cycle_timeout', '0.0', '> 0', 's')),
+        ('home_sequence', ['y, q'], ('home_sequence', "'q'")),
+        ('home_sequence', ['y', 'y'], ('home_sequence', "'y'", 'twice')),
+        ('home_sequence', 5.0, ('home_sequence', '5.0', 'list of strings')),
+        ('home_sequence', True, ('home_sequence', 'True', 'list of strings')),
+        ('home_sequence', None, ('home_sequence', 'deleted')),
+        ('cycle_timeout', None, ('cycle_timeout', 'deleted')),
+        ('y__travel', None, ('y.travel', 'deleted')),
+        ('y__topics__home_switch', None, ('y.topics.home_switch', 'deleted')),
+        ('use_sim_time', None, ('use_sim_time', 'deleted')),
+        ('y__topics__home_switch', '/a b', ('y.topics.home_switch', "'/a b'")),
+        ('y__topics__home_switch', 'a/', ('y.topics.home_switch', "'a/'")),
+        ('y__joint', 'z', ('y.joint', 'read-only')),
+        ('axes', ['q'], ('axes', 'read-only')),
+        ('update_rate', 100.0, ('update_rate', 'read-only')),
+        ('use_sim_time', True, ('use_sim_time', 'read-only')),
+        ('y__homing_velocity_fst', 0.1, ('y.homing_velocity_fst',)),
+        ('q__travel', 0.1, ('q.travel',)),
+    ],
+)
 def test_a_bad_value_is_refused(client, name, value, parts):
     result = client.set(**{name: value})
     assert not result.successful
@@ -360,8 +410,9 @@ def test_each_value_of_one_call_is_answered(client):
 
 def test_values_that_contradict_each_other(client, setpoints):
     """Together they are refused; one after the other they are judged when a run starts."""
-    result = client.set(atomically=True, y__homing_velocity_fast=0.01,
-                        y__homing_velocity_slow=0.02)
+    result = client.set(
+        atomically=True, y__homing_velocity_fast=0.01, y__homing_velocity_slow=0.02
+    )
     assert not result.successful
     for part in ('y.homing_velocity_slow', '0.02 m/s', 'homing_velocity_fast', '0.01 m/s'):
         assert part in result.reason, result.reason
@@ -373,11 +424,11 @@ def test_values_that_contradict_each_other(client, setpoints):
     assert answer.message.startswith('InvalidParameter: '), answer.message
     assert 'y.homing_velocity_slow: 0.1 m/s' in answer.message, answer.message
     assert not setpoints
-    result = client.set(atomically=True, y__homing_velocity_fast=0.2,
-                        y__homing_velocity_slow=0.1)
+    result = client.set(atomically=True, y__homing_velocity_fast=0.2, y__homing_velocity_slow=0.1)
     assert result.successful, result.reason
-    result = client.set(atomically=True, y__homing_velocity_fast=0.05,
-                        y__homing_velocity_slow=0.005)
+    result = client.set(
+        atomically=True, y__homing_velocity_fast=0.05, y__homing_velocity_slow=0.005
+    )
     assert result.successful, result.reason
     assert client.home('y')['y'].success
 

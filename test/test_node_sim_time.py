@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node in simulated time, with a plant whose every message the test controls."""
 
 import signal
@@ -13,8 +14,9 @@ from homing_node.ros.timebase import STANDSTILL
 
 @contextmanager
 def simulated_world(folder):
-    with ros.World(folder, ros.node_parameters(
-            {'x': {'home_type': 'HS', 'travel': 1.0}}, use_sim_time=True)) as world:
+    with ros.World(
+        folder, ros.node_parameters({'x': {'home_type': 'HS', 'travel': 1.0}}, use_sim_time=True)
+    ) as world:
         world.hand = ros.HandPlant(world.client, x=0.0)
         world.first_states = world.client.record_states('x')
         world.without_time = world.client.trigger('x/home').message
@@ -33,7 +35,8 @@ def simulated(tmp_path_factory):
 
 def test_without_a_time_nothing_begins(simulated):
     assert simulated.without_time == (
-        'FeedbackStale: use_sim_time is true, but /clock was not heard, or is at 0')
+        'FeedbackStale: use_sim_time is true, but /clock was not heard, or is at 0'
+    )
     first = simulated.first_states[0].message
     assert (first.state, first.homed, first.header.stamp.sec) == ('Idle', False, 0)
 

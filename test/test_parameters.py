@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters: their defaults, their bounds, and what is said of a bad one."""
 
 import dataclasses
@@ -35,41 +36,76 @@ def fault(**changes):
 # -- the table of the specification -------------------------------------------------------------
 
 DEFAULTS = {
-    'joint': '', 'home_type': REQUIRED, 'home_direction': 'Positive', 'travel': REQUIRED,
-    'homing_velocity_fast': 0.05, 'homing_velocity_fast_acc': 0.5,
+    'joint': '',
+    'home_type': REQUIRED,
+    'home_direction': 'Positive',
+    'travel': REQUIRED,
+    'homing_velocity_fast': 0.05,
+    'homing_velocity_fast_acc': 0.5,
     'homing_velocity_fast_dec': 0.5,
-    'homing_velocity_slow': 0.005, 'homing_velocity_slow_acc': 0.5,
+    'homing_velocity_slow': 0.005,
+    'homing_velocity_slow_acc': 0.5,
     'homing_velocity_slow_dec': 0.5,
     'homing_reverse_distance': 0.0,
-    'home_shift_velocity': 0.05, 'home_shift_acc': 0.5, 'home_shift_dec': 0.5,
-    'home_shift_distance': 0.0, 'home_position': 0.0,
+    'home_shift_velocity': 0.05,
+    'home_shift_acc': 0.5,
+    'home_shift_dec': 0.5,
+    'home_shift_distance': 0.0,
+    'home_position': 0.0,
     'max_jerk': 10.0,
     'invert_hs_polarity': False,
-    'invert_positive_ls_polarity': False, 'invert_negative_ls_polarity': False,
-    'invert_near_positive_ls_polarity': False, 'invert_near_negative_ls_polarity': False,
-    'invert_external_positive_ls_polarity': False, 'invert_external_negative_ls_polarity': False,
-    'multiple_z_pulse': 0, 'z_pulse_distance_check': 0.0, 'z_pulse_distance_tolerance': 0.05,
+    'invert_positive_ls_polarity': False,
+    'invert_negative_ls_polarity': False,
+    'invert_near_positive_ls_polarity': False,
+    'invert_near_negative_ls_polarity': False,
+    'invert_external_positive_ls_polarity': False,
+    'invert_external_negative_ls_polarity': False,
+    'multiple_z_pulse': 0,
+    'z_pulse_distance_check': 0.0,
+    'z_pulse_distance_tolerance': 0.05,
     'max_z_pulse_distance': 0.0,
-    'max_hs_on_at_start_reverse_distance': 0.0, 'max_ls_reverse_distance': 0.0,
-    'max_search_distance': 0.0, 'timeout': 0.0,
-    'immediate_stop_at_ls': False, 'open_loop_homing': False, 'pause_mode': False,
-    'ls_type': 'Dec', 'positive_ls_type': 'None', 'negative_ls_type': 'None',
-    'ls_dec': 1.0, 'ls_slow_dec': 0.5, 'all_ls_during_homing': False, 'ls_direction': 'Normal',
-    'near_ls_type': 'None', 'near_positive_ls_type': 'None', 'near_negative_ls_type': 'None',
-    'external_ls_type': 'None', 'external_positive_ls_type': 'None',
+    'max_hs_on_at_start_reverse_distance': 0.0,
+    'max_ls_reverse_distance': 0.0,
+    'max_search_distance': 0.0,
+    'timeout': 0.0,
+    'immediate_stop_at_ls': False,
+    'open_loop_homing': False,
+    'pause_mode': False,
+    'ls_type': 'Dec',
+    'positive_ls_type': 'None',
+    'negative_ls_type': 'None',
+    'ls_dec': 1.0,
+    'ls_slow_dec': 0.5,
+    'all_ls_during_homing': False,
+    'ls_direction': 'Normal',
+    'near_ls_type': 'None',
+    'near_positive_ls_type': 'None',
+    'near_negative_ls_type': 'None',
+    'external_ls_type': 'None',
+    'external_positive_ls_type': 'None',
     'external_negative_ls_type': 'None',
-    'mechanical_end_detection_pos_diff': 0.0, 'mechanical_end_detection_time': 0.0,
+    'mechanical_end_detection_pos_diff': 0.0,
+    'mechanical_end_detection_time': 0.0,
     'mechanical_end_detection_ignore_ls': False,
     'mechanical_end_detection_first_torque_limit': 0.0,
     'mechanical_end_detection_second_torque_limit': 0.0,
     'switches': ('home_switch', 'positive_limit_switch', 'negative_limit_switch'),
-    'switch_debounce': 0.0, 'switch_timeout': 0.0, 'switch_latency': 0.0,
+    'switch_debounce': 0.0,
+    'switch_timeout': 0.0,
+    'switch_latency': 0.0,
     'feedback_timeout': 0.2,
-    'following_error': 0.0, 'wrong_direction_distance': 0.0, 'edge_tolerance': 0.0,
-    'clear_home_done_on_servo_off': True, 'clear_home_done_on_comm_stop': True,
+    'following_error': 0.0,
+    'wrong_direction_distance': 0.0,
+    'edge_tolerance': 0.0,
+    'clear_home_done_on_servo_off': True,
+    'clear_home_done_on_comm_stop': True,
     # beyond the table: accuracy
-    'z_pulse_arm_delay': 0.0, 'index_margin': 0.1, 'index_margin_action': 'Warn',
-    'repeat': 1, 'repeat_tolerance': 0.0, 'switch_stamp_error': 0.002,
+    'z_pulse_arm_delay': 0.0,
+    'index_margin': 0.1,
+    'index_margin_action': 'Warn',
+    'repeat': 1,
+    'repeat_tolerance': 0.0,
+    'switch_stamp_error': 0.002,
 }
 RATIOS = ('z_pulse_distance_tolerance', 'index_margin')
 REALS = [name for name, spec in SPECS.items() if spec.kind is float]
@@ -104,8 +140,13 @@ def test_what_must_be_positive(name):
 
 def test_which_must_be_positive():
     assert set(POSITIVE) == {
-        'travel', 'max_jerk', 'ls_dec', 'ls_slow_dec', 'feedback_timeout',
-        *(name for name in REALS if 'velocity' in name or name.endswith(('_acc', '_dec')))}
+        'travel',
+        'max_jerk',
+        'ls_dec',
+        'ls_slow_dec',
+        'feedback_timeout',
+        *(name for name in REALS if 'velocity' in name or name.endswith(('_acc', '_dec'))),
+    }
 
 
 @pytest.mark.parametrize('name', [n for n in REALS if n not in SIGNED and n not in POSITIVE])
@@ -121,7 +162,8 @@ def test_what_may_be_negative(name):
 
 def test_tolerance_is_relative():
     assert fault(z_pulse_distance_tolerance=1.5) == (
-        'z_pulse_distance_tolerance: 1.5 must be >= 0 and <= 1')
+        'z_pulse_distance_tolerance: 1.5 must be >= 0 and <= 1'
+    )
 
 
 @pytest.mark.parametrize('name', REALS)
@@ -164,12 +206,15 @@ def test_a_joint_is_a_string(value):
     assert fault(joint=value) == f'joint: {value!r} is not a string'
 
 
-@pytest.mark.parametrize(('name', 'value', 'meant'), [
-    ('home_type', 'HSZpulse', 'HSZPulse'),
-    ('home_direction', 'positive', 'Positive'),
-    ('ls_type', 'dec', 'Dec'),
-    ('ls_direction', 'Reversed', 'Reverse'),
-])
+@pytest.mark.parametrize(
+    ('name', 'value', 'meant'),
+    [
+        ('home_type', 'HSZpulse', 'HSZPulse'),
+        ('home_direction', 'positive', 'Positive'),
+        ('ls_type', 'dec', 'Dec'),
+        ('ls_direction', 'Reversed', 'Reverse'),
+    ],
+)
 def test_a_misspelt_word_is_refused_with_what_may_be_meant(name, value, meant):
     found = fault(**{name: value})
     assert found.startswith(f'{name}: {value!r} is none of ')
@@ -181,23 +226,27 @@ def test_a_word_is_a_string(value):
     assert fault(home_type=value).startswith(f'home_type: {value!r} is none of HS, HSZPulse')
 
 
-@pytest.mark.parametrize(('value', 'said'), [
-    ('home_switch', "'home_switch' is not a list of inputs"),
-    (3, '3 is not a list of inputs'),
-    (['home_switch', 'home_swich'], "did you mean 'home_switch'?"),
-    (['home_switch', 3], '3 is none of home_switch'),
-    (['home_switch', ['x']], "['x'] is none of home_switch"),
-    (['home_switch', 'home_switch'], 'an input is listed twice'),
-])
+@pytest.mark.parametrize(
+    ('value', 'said'),
+    [
+        ('home_switch', "'home_switch' is not a list of inputs"),
+        (3, '3 is not a list of inputs'),
+        (['home_switch', 'home_swich'], "did you mean 'home_switch'?"),
+        (['home_switch', 3], '3 is none of home_switch'),
+        (['home_switch', ['x']], "['x'] is none of home_switch"),
+        (['home_switch', 'home_switch'], 'an input is listed twice'),
+    ],
+)
 def test_a_bad_list_of_switches(value, said):
     found = fault(switches=value)
     assert found.startswith('switches: ')
     assert said in found
 
 
-@pytest.mark.parametrize(('name', 'meant'), [
-    ('home_tpye', 'home_type'), ('max_jerc', 'max_jerk'),
-    ('ls_types', 'ls_type')])
+@pytest.mark.parametrize(
+    ('name', 'meant'),
+    [('home_tpye', 'home_type'), ('max_jerc', 'max_jerk'), ('ls_types', 'ls_type')],
+)
 def test_an_unknown_name_is_refused_with_what_may_be_meant(name, meant):
     assert fault(**{name: 1}) == f'{name}: no such parameter; did you mean {meant!r}?'
 
@@ -207,7 +256,8 @@ def test_what_is_required():
         axis_parameters({})
     assert caught.value.faults == (
         'home_type: required, but not set (how the axis homes)',
-        'travel: required, but not set (mechanical travel of the axis, m)')
+        'travel: required, but not set (mechanical travel of the axis, m)',
+    )
 
 
 def test_all_faults_at_once_with_the_axis():
@@ -227,57 +277,98 @@ def test_parameters_cannot_be_changed():
 
 ALL = [str(i) for i in Input]
 CROSS = [
-    ({'homing_velocity_slow': 0.06},
-     'homing_velocity_slow: 0.06 m/s must be <= homing_velocity_fast, 0.05 m/s'),
-    ({'homing_reverse_distance': 0.4},
-     'homing_reverse_distance: 0.4 m must be < travel, 0.4 m'),
-    ({'max_search_distance': 0.81},
-     'max_search_distance: 0.81 m must be <= 2 x travel, 0.8 m'),
-    ({'max_ls_reverse_distance': 0.45},
-     'max_ls_reverse_distance: 0.45 m must be <= max_search_distance, 0.44 m'),
-    ({'max_hs_on_at_start_reverse_distance': 0.3, 'max_search_distance': 0.2},
-     'max_hs_on_at_start_reverse_distance: 0.3 m must be <= max_search_distance, 0.2 m'),
-    ({'home_shift_distance': -0.5},
-     'home_shift_distance: -0.5 m must be within +-travel, 0.4 m'),
-    ({'repeat': 2},
-     'repeat: 2 must be 1 for HS, which has no slow pass over a switch or probe '
-     '(HSHS and HSTouchProbe do)'),
-    ({'home_type': 'LS', 'home_shift_distance': 0.01},
-     'home_shift_distance: 0.01 m must be <= 0 m for LS '
-     '(it would move on into the limit switch)'),
-    ({'home_type': 'MechanicalEndDetection', 'mechanical_end_detection_pos_diff': 0.001,
-      'home_shift_distance': 0.01},
-     'home_shift_distance: 0.01 m must be <= 0 m for MechanicalEndDetection '
-     '(it would move on into the mechanical end)'),
-    ({'home_type': 'ZPulse', 'switches': ['z_pulse'], 'max_z_pulse_distance': 0.01,
-      'z_pulse_arm_delay': 0.01},
-     'max_z_pulse_distance: 0.01 m must be > z_pulse_arm_delay, 0.01 m (0: no such bound)'),
+    (
+        {'homing_velocity_slow': 0.06},
+        'homing_velocity_slow: 0.06 m/s must be <= homing_velocity_fast, 0.05 m/s',
+    ),
+    ({'homing_reverse_distance': 0.4}, 'homing_reverse_distance: 0.4 m must be < travel, 0.4 m'),
+    ({'max_search_distance': 0.81}, 'max_search_distance: 0.81 m must be <= 2 x travel, 0.8 m'),
+    (
+        {'max_ls_reverse_distance': 0.45},
+        'max_ls_reverse_distance: 0.45 m must be <= max_search_distance, 0.44 m',
+    ),
+    (
+        {'max_hs_on_at_start_reverse_distance': 0.3, 'max_search_distance': 0.2},
+        'max_hs_on_at_start_reverse_distance: 0.3 m must be <= max_search_distance, 0.2 m',
+    ),
+    ({'home_shift_distance': -0.5}, 'home_shift_distance: -0.5 m must be within +-travel, 0.4 m'),
+    (
+        {'repeat': 2},
+        'repeat: 2 must be 1 for HS, which has no slow pass over a switch or probe '
+        '(HSHS and HSTouchProbe do)',
+    ),
+    (
+        {'home_type': 'LS', 'home_shift_distance': 0.01},
+        'home_shift_distance: 0.01 m must be <= 0 m for LS '
+        '(it would move on into the limit switch)',
+    ),
+    (
+        {
+            'home_type': 'MechanicalEndDetection',
+            'mechanical_end_detection_pos_diff': 0.001,
+            'home_shift_distance': 0.01,
+        },
+        'home_shift_distance: 0.01 m must be <= 0 m for MechanicalEndDetection '
+        '(it would move on into the mechanical end)',
+    ),
+    (
+        {
+            'home_type': 'ZPulse',
+            'switches': ['z_pulse'],
+            'max_z_pulse_distance': 0.01,
+            'z_pulse_arm_delay': 0.01,
+        },
+        'max_z_pulse_distance: 0.01 m must be > z_pulse_arm_delay, 0.01 m (0: no such bound)',
+    ),
     ({'switches': ['positive_limit_switch']}, 'switches: home_switch is missing; HS needs it'),
     ({'home_type': 'HSZPulse'}, 'switches: z_pulse is missing; HSZPulse needs it'),
     ({'home_type': 'TouchProbe'}, 'switches: touch_probe is missing; TouchProbe needs it'),
-    ({'home_type': 'LS', 'switches': ['negative_limit_switch']},
-     'switches: positive_limit_switch is missing; LS with home_direction Positive needs it'),
-    ({'home_type': 'LS', 'home_direction': 'Negative', 'switches': ['positive_limit_switch']},
-     'switches: negative_limit_switch is missing; LS with home_direction Negative needs it'),
-    ({'home_type': 'LS', 'ls_direction': 'Reverse', 'switches': ['positive_limit_switch']},
-     'switches: negative_limit_switch is missing; LS with home_direction Positive needs it'),
-    ({'home_type': 'NearLS', 'near_ls_type': 'Dec'},
-     'switches: near_positive_limit_switch is missing; NearLS with home_direction Positive '
-     'needs it'),
-    ({'home_type': 'NearLS', 'switches': ALL},
-     'near_ls_type: near_positive_limit_switch is disabled (None); NearLS needs it'),
-    ({'home_type': 'ExternalLS', 'switches': ALL},
-     'external_ls_type: external_positive_limit_switch is disabled (None); ExternalLS needs it'),
-    ({'home_type': 'MechanicalEndDetection'},
-     'mechanical_end_detection_pos_diff: 0 m must be > 0 m to detect the mechanical end'),
-    ({'home_type': 'MechanicalEndDetectionLS', 'mechanical_end_detection_pos_diff': 0.001,
-      'switches': []},
-     'switches: positive_limit_switch is missing; MechanicalEndDetectionLS with home_direction '
-     'Positive needs it'),
-    ({'ls_type': 'SeparatePositiveLSNegativeLS', 'positive_ls_type': 'Dec'},
-     'negative_ls_type: required, but not set (ls_type is SeparatePositiveLSNegativeLS)'),
-    ({'near_positive_ls_type': 'SeparatePositiveLSNegativeLS'},
-     'near_positive_ls_type: must be an action, not SeparatePositiveLSNegativeLS'),
+    (
+        {'home_type': 'LS', 'switches': ['negative_limit_switch']},
+        'switches: positive_limit_switch is missing; LS with home_direction Positive needs it',
+    ),
+    (
+        {'home_type': 'LS', 'home_direction': 'Negative', 'switches': ['positive_limit_switch']},
+        'switches: negative_limit_switch is missing; LS with home_direction Negative needs it',
+    ),
+    (
+        {'home_type': 'LS', 'ls_direction': 'Reverse', 'switches': ['positive_limit_switch']},
+        'switches: negative_limit_switch is missing; LS with home_direction Positive needs it',
+    ),
+    (
+        {'home_type': 'NearLS', 'near_ls_type': 'Dec'},
+        'switches: near_positive_limit_switch is missing; NearLS with home_direction Positive '
+        'needs it',
+    ),
+    (
+        {'home_type': 'NearLS', 'switches': ALL},
+        'near_ls_type: near_positive_limit_switch is disabled (None); NearLS needs it',
+    ),
+    (
+        {'home_type': 'ExternalLS', 'switches': ALL},
+        'external_ls_type: external_positive_limit_switch is disabled (None); ExternalLS needs it',
+    ),
+    (
+        {'home_type': 'MechanicalEndDetection'},
+        'mechanical_end_detection_pos_diff: 0 m must be > 0 m to detect the mechanical end',
+    ),
+    (
+        {
+            'home_type': 'MechanicalEndDetectionLS',
+            'mechanical_end_detection_pos_diff': 0.001,
+            'switches': [],
+        },
+        'switches: positive_limit_switch is missing; MechanicalEndDetectionLS with home_direction '
+        'Positive needs it',
+    ),
+    (
+        {'ls_type': 'SeparatePositiveLSNegativeLS', 'positive_ls_type': 'Dec'},
+        'negative_ls_type: required, but not set (ls_type is SeparatePositiveLSNegativeLS)',
+    ),
+    (
+        {'near_positive_ls_type': 'SeparatePositiveLSNegativeLS'},
+        'near_positive_ls_type: must be an action, not SeparatePositiveLSNegativeLS',
+    ),
 ]
 
 
@@ -287,25 +378,37 @@ def test_what_must_agree(changes, said):
 
 
 def test_all_cross_checks_are_reported_at_once():
-    found = faults(homing_velocity_slow=1, homing_reverse_distance=1, switches=[],
-                   max_search_distance=1)
+    found = faults(
+        homing_velocity_slow=1, homing_reverse_distance=1, switches=[], max_search_distance=1
+    )
     assert len(found) == 4
 
 
 def test_a_near_limit_of_one_side_may_be_disabled():
-    built(home_type='NearLS', switches=ALL, near_ls_type='SeparatePositiveLSNegativeLS',
-          near_positive_ls_type='Dec', near_negative_ls_type='None')
+    built(
+        home_type='NearLS',
+        switches=ALL,
+        near_ls_type='SeparatePositiveLSNegativeLS',
+        near_positive_ls_type='Dec',
+        near_negative_ls_type='None',
+    )
 
 
 @pytest.mark.parametrize('home_type', HomeType, ids=str)
 @pytest.mark.parametrize('home_direction', ['Positive', 'Negative'])
 def test_every_type_can_be_set_up(home_type, home_direction):
     made = built(
-        home_type=str(home_type), home_direction=home_direction, switches=ALL, near_ls_type='Dec',
-        external_ls_type='Dec', mechanical_end_detection_pos_diff=0.001)
+        home_type=str(home_type),
+        home_direction=home_direction,
+        switches=ALL,
+        near_ls_type='Dec',
+        external_ls_type='Dec',
+        mechanical_end_detection_pos_diff=0.001,
+    )
     assert made.procedure is PROCEDURES[home_type]
     assert made.run_timeout > made.search_distance / made.homing_velocity_fast * (
-        home_type is not HomeType.CurrentPos)
+        home_type is not HomeType.CurrentPos
+    )
 
 
 # -- what follows from them ---------------------------------------------------------------------
@@ -317,19 +420,43 @@ def test_computed_bounds():
     assert made.following_error_limit == pytest.approx(0.025)
     assert made.wrong_direction_limit == pytest.approx(0.004)
     assert made.edge_agreement == pytest.approx(0.00025)
-    made = built(max_search_distance=0.3, following_error=0.1, wrong_direction_distance=0.2,
-                 edge_tolerance=0.3, timeout=7)
-    assert (made.search_distance, made.following_error_limit, made.wrong_direction_limit,
-            made.edge_agreement, made.run_timeout) == (0.3, 0.1, 0.2, 0.3, 7.0)
+    made = built(
+        max_search_distance=0.3,
+        following_error=0.1,
+        wrong_direction_distance=0.2,
+        edge_tolerance=0.3,
+        timeout=7,
+    )
+    assert (
+        made.search_distance,
+        made.following_error_limit,
+        made.wrong_direction_limit,
+        made.edge_agreement,
+        made.run_timeout,
+    ) == (0.3, 0.1, 0.2, 0.3, 7.0)
 
 
 def test_the_computed_timeout():
     """Every motion of HS twice, + 50 %: 3 searches, 2 reverse distances, a stop, the shift."""
-    half = dict.fromkeys((
-        'homing_velocity_fast', 'homing_velocity_fast_acc', 'homing_velocity_fast_dec',
-        'home_shift_velocity', 'home_shift_acc', 'home_shift_dec'), 0.5)
-    made = built(travel=1, max_search_distance=2, homing_reverse_distance=0.5,
-                 home_shift_distance=-0.5, max_jerk=1, **half)
+    half = dict.fromkeys(
+        (
+            'homing_velocity_fast',
+            'homing_velocity_fast_acc',
+            'homing_velocity_fast_dec',
+            'home_shift_velocity',
+            'home_shift_acc',
+            'home_shift_dec',
+        ),
+        0.5,
+    )
+    made = built(
+        travel=1,
+        max_search_distance=2,
+        homing_reverse_distance=0.5,
+        home_shift_distance=-0.5,
+        max_jerk=1,
+        **half,
+    )
     ramps = 1 + 1 + 2 * 1  # of each: up, down, and twice the jerk of both
     needed = 3 * (4 + ramps) + 2 * (1 + ramps) + ramps + (3 + ramps)
     assert made.run_timeout == pytest.approx(1.5 * (2 * needed + 0.5))
@@ -354,9 +481,15 @@ def test_paces():
     assert made.pace(Pace.SHIFT) == (0.05, 0.2, 0.5)
 
 
-@pytest.mark.parametrize(('home', 'ls', 'ahead'), [
-    ('Positive', 'Normal', 'positive'), ('Negative', 'Normal', 'negative'),
-    ('Positive', 'Reverse', 'negative'), ('Negative', 'Reverse', 'positive')])
+@pytest.mark.parametrize(
+    ('home', 'ls', 'ahead'),
+    [
+        ('Positive', 'Normal', 'positive'),
+        ('Negative', 'Normal', 'negative'),
+        ('Positive', 'Reverse', 'negative'),
+        ('Negative', 'Reverse', 'positive'),
+    ],
+)
 @pytest.mark.parametrize('tier', Tier, ids=str)
 def test_which_input_is_ahead(home, ls, ahead, tier):
     made = built(home_direction=home, ls_direction=ls)
@@ -367,8 +500,11 @@ def test_which_input_is_ahead(home, ls, ahead, tier):
 
 INVERSIONS = {
     'home_switch': 'invert_hs_polarity',
-    **{str(i): f'invert_{i.value.removesuffix("_limit_switch")}_ls_polarity'
-       for i in LIMIT_SWITCHES}}
+    **{
+        str(i): f'invert_{i.value.removesuffix("_limit_switch")}_ls_polarity'
+        for i in LIMIT_SWITCHES
+    },
+}
 
 
 @pytest.mark.parametrize('switch', Input, ids=str)
@@ -380,16 +516,24 @@ def test_polarity(switch):
 
 def test_wired_and_enabled_inputs():
     assert set(built(switches=ALL).inputs) == {
-        i for i in Input if not i.value.startswith(('near_', 'external_'))}
+        i for i in Input if not i.value.startswith(('near_', 'external_'))
+    }
     assert set(built(switches=ALL, near_ls_type='Dec', external_ls_type='SlowDec').inputs) == set(
-        Input)
+        Input
+    )
     assert switch_inputs(built(switches=ALL).inputs) == (
-        Input.HOME_SWITCH, Input.POSITIVE_LIMIT_SWITCH, Input.NEGATIVE_LIMIT_SWITCH)
+        Input.HOME_SWITCH,
+        Input.POSITIVE_LIMIT_SWITCH,
+        Input.NEGATIVE_LIMIT_SWITCH,
+    )
 
 
 def test_actions_of_a_pair():
-    made = built(ls_type='SeparatePositiveLSNegativeLS', positive_ls_type='SlowDec',
-                 negative_ls_type='ServoOff')
+    made = built(
+        ls_type='SeparatePositiveLSNegativeLS',
+        positive_ls_type='SlowDec',
+        negative_ls_type='ServoOff',
+    )
     assert made.ls_types(Tier.HARDWARE) == (LSType.SlowDec, LSType.ServoOff)
     assert built().ls_types(Tier.HARDWARE) == (LSType.Dec, LSType.Dec)
     assert built().ls_types(Tier.NEAR) == (LSType.none, LSType.none)
@@ -399,10 +543,18 @@ def test_direction_signs():
     assert (Direction.Positive.sign, Direction.Negative.sign) == (1.0, -1.0)
 
 
-@given(st.dictionaries(
-    st.sampled_from(sorted(SPECS)) | st.text(max_size=5),
-    st.none() | st.booleans() | st.integers(-5, 5) | st.floats() | st.text(max_size=5)
-    | st.lists(st.sampled_from(ALL) | st.integers(), max_size=3), max_size=8))
+@given(
+    st.dictionaries(
+        st.sampled_from(sorted(SPECS)) | st.text(max_size=5),
+        st.none()
+        | st.booleans()
+        | st.integers(-5, 5)
+        | st.floats()
+        | st.text(max_size=5)
+        | st.lists(st.sampled_from(ALL) | st.integers(), max_size=3),
+        max_size=8,
+    )
+)
 def test_any_values_are_accepted_or_refused_with_faults(values):
     try:
         made = axis_parameters(values)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pictures: what they show, that nothing in them covers a name, and their files."""
 
 from collections.abc import Collection
@@ -22,8 +23,11 @@ from homing_node.rehearsal.run import rehearse
 
 HSHS = EXAMPLES[HomeType.HSHS]
 STEP = 0.02
-EVERY_RUN = [pytest.param(home_type, run, id=f'{home_type}-{run.title}')
-             for home_type, example in EXAMPLES.items() for run in example.runs]
+EVERY_RUN = [
+    pytest.param(home_type, run, id=f'{home_type}-{run.title}')
+    for home_type, example in EXAMPLES.items()
+    for run in example.runs
+]
 
 
 def texts(drawn: Figure) -> list[Text]:
@@ -64,23 +68,38 @@ def test_every_example_homes_and_is_named(home_type: HomeType, run: Run) -> None
     assert [word for word in words(drawn) if word in set(State)] == states
     assert f'home {1e3 * made.outcome.home_position_raw:.3f} mm' in words(drawn)
     named = extents(drawn)
-    assert not any(a.overlaps(b) for (v, a), (w, b) in combinations(named, 2)
-                   if v in states and w in states)
-    assert all(drawn.bbox.x0 <= box.x0 and box.x1 <= drawn.bbox.x1
-               and drawn.bbox.y0 <= box.y0 and box.y1 <= drawn.bbox.y1 for _, box in named)
+    assert not any(
+        a.overlaps(b) for (v, a), (w, b) in combinations(named, 2) if v in states and w in states
+    )
+    assert all(
+        drawn.bbox.x0 <= box.x0
+        and box.x1 <= drawn.bbox.x1
+        and drawn.bbox.y0 <= box.y0
+        and box.y1 <= drawn.bbox.y1
+        for _, box in named
+    )
 
 
 def test_switches_are_named_apart() -> None:
     drawn = figure(HSHS.rehearse(BEYOND), HSHS.layout)
-    names = ['hard stop', 'positive limit', 'negative limit', 'home switch', 'start',
-             'home 70.000 mm']
+    names = [
+        'hard stop',
+        'positive limit',
+        'negative limit',
+        'home switch',
+        'start',
+        'home 70.000 mm',
+    ]
     assert set(names) <= set(words(drawn))
     assert apart(drawn, names)
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.lists(
-    st.tuples(st.sampled_from(list(State)[1:]), st.floats(STEP, 0.5)), min_size=1, max_size=12))
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(list(State)[1:]), st.floats(STEP, 0.5)), min_size=1, max_size=12
+    )
+)
 def test_names_of_short_states_never_cover_each_other(
     stretches: list[tuple[State, float]],
 ) -> None:
@@ -93,13 +112,20 @@ def test_names_of_short_states_never_cover_each_other(
 def test_panels() -> None:
     made = HSHS.rehearse(BEYOND)
     assert [axes.get_ylabel() for axes in figure(made, panels=POSITION_DIAGRAM).axes] == [
-        '', 'position in mm']
+        '',
+        'position in mm',
+    ]
     assert [axes.get_ylabel() for axes in figure(made, panels=PROFILE).axes] == [
-        '', 'velocity\nin mm/s', 'acceleration\nin mm/s²']
+        '',
+        'velocity\nin mm/s',
+        'acceleration\nin mm/s²',
+    ]
 
 
-@pytest.mark.parametrize('stroke, unit, shown', [
-    (0.3, 'm', 'mm'), (3.0, 'm', 'm'), (3.0, 'rad', 'rad'), (0.3, 'rad', 'rad')])
+@pytest.mark.parametrize(
+    'stroke, unit, shown',
+    [(0.3, 'm', 'mm'), (3.0, 'm', 'm'), (3.0, 'rad', 'rad'), (0.3, 'rad', 'rad')],
+)
 def test_units(stroke: float, unit: str, shown: str) -> None:
     made = course((State.HSSearch, 0.1))
     layout = AxisLayout((0.0, stroke), {})

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tables: closed, bounded, reachable, and what the manual's page says."""
 
 import pytest
@@ -20,10 +21,14 @@ from homing_node.procedures.tables import (
 )
 
 EVERY_TYPE = pytest.mark.parametrize('home_type', TYPES, ids=str)
-ROWS = [(procedure, step, row)
-        for procedure in PROCEDURES.values() for step, row in procedure.rows.items()]
+ROWS = [
+    (procedure, step, row)
+    for procedure in PROCEDURES.values()
+    for step, row in procedure.rows.items()
+]
 EVERY_ROW = pytest.mark.parametrize(
-    ('procedure', 'step', 'row'), ROWS, ids=[f'{p.home_type}-{s}' for p, s, _ in ROWS])
+    ('procedure', 'step', 'row'), ROWS, ids=[f'{p.home_type}-{s}' for p, s, _ in ROWS]
+)
 
 
 def reached_from(step, rows):
@@ -107,7 +112,8 @@ ROLES = {
     **dict.fromkeys((HomeType.LS, HomeType.LSReverseZPulse), (REFERENCE, IGNORED, IGNORED)),
     **dict.fromkeys((HomeType.NearLS, HomeType.NearLSReverseZPulse), (NORMAL, REFERENCE, IGNORED)),
     **dict.fromkeys(
-        (HomeType.ExternalLS, HomeType.ExternalLSReverseZPulse), (NORMAL, IGNORED, REFERENCE)),
+        (HomeType.ExternalLS, HomeType.ExternalLSReverseZPulse), (NORMAL, IGNORED, REFERENCE)
+    ),
 }
 
 
@@ -214,11 +220,20 @@ def test_inputs_that_a_type_needs(home_type):
 
 
 FAST_SEARCHES = {
-    State.HSSearch, State.HSOffSearch, State.LSSearch, State.HSClearReverse,
-    State.HSFallingEdgeSearchReverse, State.LSFallingEdgeSearchReverse}
+    State.HSSearch,
+    State.HSOffSearch,
+    State.LSSearch,
+    State.HSClearReverse,
+    State.HSFallingEdgeSearchReverse,
+    State.LSFallingEdgeSearchReverse,
+}
 SLOW_SEARCHES = {
-    State.SecondHSSearch, State.TouchProbeSearch, State.ZPulseSearch, State.ZPulseSearchReverse,
-    State.MechanicalEndDetection}
+    State.SecondHSSearch,
+    State.TouchProbeSearch,
+    State.ZPulseSearch,
+    State.ZPulseSearchReverse,
+    State.MechanicalEndDetection,
+}
 
 
 @EVERY_ROW

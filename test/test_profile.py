@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Setpoints: continuous, within their limits, and ending where they should."""
 
 from itertools import pairwise
@@ -232,11 +233,13 @@ ORDERS = st.one_of(
     st.tuples(st.just('seek'), DYNAMICS, st.sampled_from([1, -1])),
     st.tuples(st.just('move'), DYNAMICS, st.floats(-0.2, 0.2)),
     st.tuples(st.just('stop'), st.floats(0.05, 20.0)),
-    st.tuples(st.just('brake_harder'), st.floats(0.05, 20.0)))
+    st.tuples(st.just('brake_harder'), st.floats(0.05, 20.0)),
+)
 
 
-@given(st.lists(st.tuples(ORDERS, st.integers(0, 60)), min_size=1, max_size=6),
-       st.floats(1.0, 1000.0))
+@given(
+    st.lists(st.tuples(ORDERS, st.integers(0, 60)), min_size=1, max_size=6), st.floats(1.0, 1000.0)
+)
 def test_any_orders_give_smooth_setpoints_and_a_stop(orders, jerk):
     one = profile(jerk=jerk)
     course, hardest = [(0.0, 0.0, 0.0)], 0.0
@@ -261,10 +264,13 @@ def test_any_orders_give_smooth_setpoints_and_a_stop(orders, jerk):
 
 
 @pytest.mark.parametrize('sign', [1, -1])
-@pytest.mark.parametrize('distance', [
-    2 * 5**3 / 500**2,  # the acceleration is just reached
-    0.2**2 / 5 + 0.2 * 5 / 500,  # the velocity is just reached
-])
+@pytest.mark.parametrize(
+    'distance',
+    [
+        2 * 5**3 / 500**2,  # the acceleration is just reached
+        0.2**2 / 5 + 0.2 * 5 / 500,  # the velocity is just reached
+    ],
+)
 def test_moves_where_the_cases_of_a_trajectory_meet(distance, sign):
     one = profile(0.0743, jerk=500.0)
     one.move(0.0743 + sign * distance, Dynamics(0.2, 5.0, 5.0))
@@ -275,8 +281,14 @@ def test_moves_where_the_cases_of_a_trajectory_meet(distance, sign):
 ROUND = st.sampled_from([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0])
 
 
-@given(ROUND, ROUND, ROUND, st.sampled_from([10.0, 50.0, 100.0, 500.0]), ROUND,
-       st.sampled_from([1, -1]))
+@given(
+    ROUND,
+    ROUND,
+    ROUND,
+    st.sampled_from([10.0, 50.0, 100.0, 500.0]),
+    ROUND,
+    st.sampled_from([1, -1]),
+)
 def test_moves_with_round_numbers(velocity, acceleration, deceleration, jerk, distance, sign):
     """What people write; where ruckig's special cases are met exactly."""
     one = profile(jerk=jerk)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A saved course is the same course, and a file that holds none is refused by name."""
 
 import json
@@ -20,7 +21,8 @@ REAL = st.floats(allow_nan=False, allow_infinity=False)
 
 @pytest.mark.parametrize('suffix', SUFFIXES)
 @pytest.mark.parametrize(
-    'home_type', [HomeType.HSHS, HomeType.HSReverseZPulse, HomeType.TouchProbe])
+    'home_type', [HomeType.HSHS, HomeType.HSReverseZPulse, HomeType.TouchProbe]
+)
 def test_a_course_comes_back(tmp_path, suffix, home_type):
     example = EXAMPLES[home_type]
     course = example.rehearse(BEYOND if BEYOND in example.runs else example.runs[0])
@@ -31,7 +33,8 @@ def test_a_course_comes_back(tmp_path, suffix, home_type):
     assert found.samples == course.samples
     assert found.happenings == course.happenings
     assert [type(one.value) for one in found.happenings] == [
-        type(one.value) for one in course.happenings]
+        type(one.value) for one in course.happenings
+    ]
     assert found.outcome == course.outcome
     assert found.arrows == course.arrows
     assert found.duration == course.duration and found.states == course.states
@@ -40,15 +43,30 @@ def test_a_course_comes_back(tmp_path, suffix, home_type):
 @pytest.mark.parametrize('suffix', SUFFIXES)
 @settings(max_examples=30, deadline=None)
 @given(
-    samples=st.lists(st.builds(Sample, REAL, st.sampled_from(list(map(str, State))),
-                               *[REAL] * 4), max_size=5),
+    samples=st.lists(
+        st.builds(Sample, REAL, st.sampled_from(list(map(str, State))), *[REAL] * 4), max_size=5
+    ),
     happenings=st.lists(
         st.builds(Happening, REAL, st.just(str(Input.HOME_SWITCH)), st.booleans(), REAL)
-        | st.builds(Happening, REAL, st.just(str(Input.Z_PULSE)), REAL, REAL), max_size=5),
-    outcome=st.none() | st.builds(
-        Outcome, st.sampled_from(Error), st.text(), REAL, REAL, REAL, st.integers(0, 9), REAL,
-        REAL, st.none() | REAL, st.lists(st.text()).map(tuple)),
-    title=st.text())
+        | st.builds(Happening, REAL, st.just(str(Input.Z_PULSE)), REAL, REAL),
+        max_size=5,
+    ),
+    outcome=st.none()
+    | st.builds(
+        Outcome,
+        st.sampled_from(Error),
+        st.text(),
+        REAL,
+        REAL,
+        REAL,
+        st.integers(0, 9),
+        REAL,
+        REAL,
+        st.none() | REAL,
+        st.lists(st.text()).map(tuple),
+    ),
+    title=st.text(),
+)
 def test_any_course_comes_back(tmp_path_factory, suffix, samples, happenings, outcome, title):
     samples.sort(key=lambda sample: sample.time)
     happenings.sort(key=lambda happening: happening.time)
@@ -97,7 +115,8 @@ def test_a_missing_file_is_an_os_error(tmp_path):
 
 @pytest.mark.parametrize('suffix', SUFFIXES)
 @pytest.mark.parametrize(
-    'content', [b'', b'nonsense', b'PK\x03\x04broken', b'\xff\xfe\x00', b'a,b\n1,2\n'])
+    'content', [b'', b'nonsense', b'PK\x03\x04broken', b'\xff\xfe\x00', b'a,b\n1,2\n']
+)
 def test_a_file_without_a_course_is_refused_by_name(tmp_path, suffix, content):
     path = tmp_path / f'run{suffix}'
     path.write_bytes(content)
@@ -122,13 +141,16 @@ def test_no_pickle_is_read(tmp_path):
         record.load(path)
 
 
-@pytest.mark.parametrize('old, new, said', [
-    ('"homing course 1"', '"homing course 9"', 'homing course 9'),
-    (',HSSearch,', ',HSSearch,x', 'line 7'),
-    ('time,state', 'state,time', 'columns'),
-    ('"error": "NoError"', '"error": "Nonsense"', 'Nonsense'),
-    ('# outcome', '# result', 'outcome'),
-])
+@pytest.mark.parametrize(
+    'old, new, said',
+    [
+        ('"homing course 1"', '"homing course 9"', 'homing course 9'),
+        (',HSSearch,', ',HSSearch,x', 'line 7'),
+        ('time,state', 'state,time', 'columns'),
+        ('"error": "NoError"', '"error": "Nonsense"', 'Nonsense'),
+        ('# outcome', '# result', 'outcome'),
+    ],
+)
 def test_a_spoilt_csv_is_refused_with_the_place(tmp_path, old, new, said):
     path = tmp_path / 'run.csv'
     record.save(path, EXAMPLES[HomeType.HS].rehearse(EXAMPLES[HomeType.HS].runs[0]))

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is published by time: by turns, each axis as often as the others."""
 
 import itertools
@@ -29,15 +30,22 @@ class Watched:
             assert axis.home(0.0) is None
         self.published = []
         self.reports = Reports(
-            self.axes, {name: name for name in self.axes},
-            Publishers(states=dict.fromkeys(self.axes, self.publisher('states')),
-                       servos=dict.fromkeys(self.axes, self.publisher('servos')),
-                       torque_limits=dict.fromkeys(self.axes, self.publisher('torque_limits')),
-                       joint_states=self.publisher('joint_states'),
-                       diagnostics=self.publisher('diagnostics')),
-            lambda: 0, threading.Lock(), 'homing_node',
-            SimpleNamespace(**{
-                level: self.logger(level) for level in ('info', 'warning', 'error')}))
+            self.axes,
+            {name: name for name in self.axes},
+            Publishers(
+                states=dict.fromkeys(self.axes, self.publisher('states')),
+                servos=dict.fromkeys(self.axes, self.publisher('servos')),
+                torque_limits=dict.fromkeys(self.axes, self.publisher('torque_limits')),
+                joint_states=self.publisher('joint_states'),
+                diagnostics=self.publisher('diagnostics'),
+            ),
+            lambda: 0,
+            threading.Lock(),
+            'homing_node',
+            SimpleNamespace(
+                **{level: self.logger(level) for level in ('info', 'warning', 'error')}
+            ),
+        )
 
     def publisher(self, kind):
         return SimpleNamespace(publish=lambda message: self.published.append((kind, message)))
@@ -65,7 +73,7 @@ def test_all_axes_that_home_are_told_of_in_turn(number):
     watched.publish(lambda states: len(states) >= 3 * number)
     told = [message.axis for message in watched.of('states')]
     for turn in range(3):
-        assert sorted(told[turn * number:(turn + 1) * number]) == sorted(watched.axes)
+        assert sorted(told[turn * number : (turn + 1) * number]) == sorted(watched.axes)
 
 
 def test_axes_that_rest_are_not_told_of():
@@ -78,15 +86,16 @@ def test_axes_that_rest_are_not_told_of():
 @pytest.mark.parametrize(('states', 'pause'), [(0, 0.0), (1, LINGER)])
 def test_the_node_stays_until_its_last_report_is_there(monkeypatch, states, pause):
     watched, slept = Watched(1), []
-    monkeypatch.setattr(reports, 'time', SimpleNamespace(
-        monotonic=lambda: 5.0, sleep=slept.append))
+    monkeypatch.setattr(
+        reports, 'time', SimpleNamespace(monotonic=lambda: 5.0, sleep=slept.append)
+    )
     watched.publish(lambda told: len(told) >= states)
     assert slept == [pytest.approx(pause)]
 
 
 def test_what_changes_is_told_at_once_and_once():
     watched = Watched(1)
-    axis, = watched.axes.values()
+    (axis,) = watched.axes.values()
     watched.reports.note(axis)
     watched.reports.note(axis)
     axis.set_servo(False)
@@ -101,7 +110,7 @@ def test_what_changes_is_told_at_once_and_once():
 def test_another_home_is_a_change():
     """A run of CurrentPos begins and ends within one cycle."""
     watched = Watched(1)
-    axis, = watched.axes.values()
+    (axis,) = watched.axes.values()
     for position in (1.0, 2.0):
         end(axis, Outcome(Error.NoError, '', position, position))
         axis.homed = True
@@ -110,16 +119,25 @@ def test_another_home_is_a_change():
     assert [message.home_offset for message in watched.of('states')] == [1.0, 2.0]
 
 
-@pytest.mark.parametrize(('outcome', 'level', 'text'), [
-    (Outcome(Error.NoError, '', 0.25, 0.25, 1e-5), 'info',
-     'axis a0: Homed: home_position_raw=0.25 home_offset=0.25 uncertainty=1e-05'),
-    (Outcome(Error.Canceled, 'axis a0: canceled'), 'warning', 'Canceled: axis a0: canceled'),
-    (Outcome(Error.LSTriggered, 'axis a0: a limit', warnings=('it bounced',)), 'error',
-     'LSTriggered: axis a0: a limit | warning: it bounced'),
-])
+@pytest.mark.parametrize(
+    ('outcome', 'level', 'text'),
+    [
+        (
+            Outcome(Error.NoError, '', 0.25, 0.25, 1e-5),
+            'info',
+            'axis a0: Homed: home_position_raw=0.25 home_offset=0.25 uncertainty=1e-05',
+        ),
+        (Outcome(Error.Canceled, 'axis a0: canceled'), 'warning', 'Canceled: axis a0: canceled'),
+        (
+            Outcome(Error.LSTriggered, 'axis a0: a limit', warnings=('it bounced',)),
+            'error',
+            'LSTriggered: axis a0: a limit | warning: it bounced',
+        ),
+    ],
+)
 def test_the_end_of_a_run_is_logged_once(outcome, level, text):
     watched = Watched(1)
-    axis, = watched.axes.values()
+    (axis,) = watched.axes.values()
     axis.outcome = Outcome(Error.NoError)  # a run begins
     watched.reports.note(axis)
     end(axis, outcome)
@@ -132,7 +150,7 @@ def test_the_end_of_a_run_is_logged_once(outcome, level, text):
 
 def test_a_run_that_ends_as_the_last_one_is_logged_too():
     watched = Watched(1)
-    axis, = watched.axes.values()
+    (axis,) = watched.axes.values()
     for _ in range(2):
         end(axis, Outcome(Error.NoError, '', 1.0, 1.0))
         assert watched.reports.note(axis)  # else its request would not be answered
@@ -144,15 +162,20 @@ def test_a_run_that_ends_as_the_last_one_is_logged_too():
 def test_what_comes_by_time_always_comes(monkeypatch):
     """However short the wait is: that of queue.SimpleQueue may never end (Python up to 3.12)."""
     clock, jitter = itertools.count(), random.Random(0)
-    monkeypatch.setattr(reports, 'time', SimpleNamespace(
-        monotonic=lambda: 4e-7 * next(clock) + jitter.uniform(0.0, 3e-6),
-        sleep=lambda _: None))
+    monkeypatch.setattr(
+        reports,
+        'time',
+        SimpleNamespace(
+            monotonic=lambda: 4e-7 * next(clock) + jitter.uniform(0.0, 3e-6), sleep=lambda _: None
+        ),
+    )
     monkeypatch.setattr(reports, 'STATE_PERIOD', math.inf)
     monkeypatch.setattr(reports, 'DIAGNOSTICS_PERIOD', 1.1e-6)
     monkeypatch.setattr(reports.convert, 'diagnostics', lambda *_: None)
     watched = Watched(0)
     told = threading.Thread(
-        target=watched.reports.run, args=[lambda: len(watched.published) >= 30000], daemon=True)
+        target=watched.reports.run, args=[lambda: len(watched.published) >= 30000], daemon=True
+    )
     told.start()
     told.join(20.0)
     assert not told.is_alive()

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Groups of axes: order, failure, cancellation."""
 
 import pytest
@@ -87,7 +88,8 @@ def test_one_that_fails_stops_its_group_and_later_ones_do_not_start(axes):
     assert axes['z'].runs == 0
     assert errors(request) == {'x': 'LSTriggered', 'y': 'Canceled', 'z': 'Canceled'}
     assert request.outcomes['z'].message == (
-        'axis z: not started: axis x was not homed (LSTriggered)')
+        'axis z: not started: axis x was not homed (LSTriggered)'
+    )
     assert not request.success
 
 
@@ -100,7 +102,8 @@ def test_one_that_is_refused_keeps_its_whole_group_from_starting(axes):
     assert errors(request) == {'x': 'Canceled', 'y': 'SwitchUnknown', 'z': 'Canceled'}
     for name in 'xz':
         assert request.outcomes[name].message == (
-            f'axis {name}: not started: axis y was not homed (SwitchUnknown)')
+            f'axis {name}: not started: axis y was not homed (SwitchUnknown)'
+        )
 
 
 def test_a_refusal_of_a_later_group(axes):
@@ -146,9 +149,11 @@ def test_to_cancel_one_that_waits_stops_its_group_and_later_ones(axes):
     assert not running(axes)
     assert not any(request.waits(name) for name in 'xyzw')
     assert {name: outcome.message for name, outcome in request.outcomes.items()} == {
-        'x': 'axis x: …', 'z': 'axis z: not started: canceled',
+        'x': 'axis x: …',
+        'z': 'axis z: not started: canceled',
         'y': 'axis y: not started: axis z was not homed (Canceled)',
-        'w': 'axis w: not started: axis z was not homed (Canceled)'}
+        'w': 'axis w: not started: axis z was not homed (Canceled)',
+    }
 
 
 def test_abandon(axes):

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Samples in, edges at their own time out."""
 
 import pytest
@@ -45,17 +46,20 @@ def test_velocity_and_interval_of_the_newest_samples():
     assert track((0.0, 5.0), (1.0, 1.0), (1.5, 2.0)).interval == 0.5
 
 
-@pytest.mark.parametrize(('time', 'around'), [
-    (-1.0, (0.0, 1.0)),  # before the record
-    (0.0, (0.0, 1.0)),
-    (0.5, (0.0, 1.0)),
-    (1.0, (1.0, 2.0)),
-    (1.5, (1.0, 2.0)),
-    (2.0, (2.0, 4.0)),
-    (4.0, (4.0, 6.0)),
-    (6.0, (4.0, 6.0)),
-    (6.5, None),
-])
+@pytest.mark.parametrize(
+    ('time', 'around'),
+    [
+        (-1.0, (0.0, 1.0)),  # before the record
+        (0.0, (0.0, 1.0)),
+        (0.5, (0.0, 1.0)),
+        (1.0, (1.0, 2.0)),
+        (1.5, (1.0, 2.0)),
+        (2.0, (2.0, 4.0)),
+        (4.0, (4.0, 6.0)),
+        (6.0, (4.0, 6.0)),
+        (6.5, None),
+    ],
+)
 def test_the_samples_around_a_time(time, around):
     one = track(*((t, t) for t in (0.0, 1.0, 2.0, 4.0, 6.0)))
     assert one.around(time) == (around and tuple((t, t) for t in around))
@@ -179,25 +183,39 @@ def test_a_mark_is_certain():
 # -- the way of travel --------------------------------------------------------------------------
 
 #: Told at 1.0 s to turn, overruns until 1.2 s, then goes away; a noise of 0.01.
-TURN = track((0.8, 0.8), (0.9, 0.89), (1.0, 0.97), (1.1, 1.0), (1.2, 1.01), (1.3, 1.0),
-             (1.4, 0.9), (1.5, 0.91), (1.6, 0.8))
+TURN = track(
+    (0.8, 0.8),
+    (0.9, 0.89),
+    (1.0, 0.97),
+    (1.1, 1.0),
+    (1.2, 1.01),
+    (1.3, 1.0),
+    (1.4, 0.9),
+    (1.5, 0.91),
+    (1.6, 0.8),
+)
 TOWARD = Leg(Way.TOWARD, 0.0, 0.0, since=0.0)
 TURNING = Leg(Way.AWAY, 0.97, 0.98, since=1.0, before=TOWARD)
 
 
-@pytest.mark.parametrize(('time', 'way'), [
-    (0.85, 1), (1.05, 1), (1.19, 1), (1.21, -1), (1.25, -1), (1.45, -1), (1.6, -1)])
+@pytest.mark.parametrize(
+    ('time', 'way'),
+    [(0.85, 1), (1.05, 1), (1.19, 1), (1.21, -1), (1.25, -1), (1.45, -1), (1.6, -1)],
+)
 def test_the_way_changes_where_the_feedback_turned(time, way):
     """Not where the command did, and not with every noise."""
     assert TURNING.way_at(time, TURN) == way
 
 
-@pytest.mark.parametrize(('samples', 'turn'), [
-    ([(1.0, 1.0), (2.0, 2.0), (3.0, 1.0)], 2.0),
-    ([(1.0, 1.0), (2.0, 2.0), (3.0, 1.5)], 2.0 + 1 / 6),
-    ([(1.0, 1.0), (2.0, 2.0), (3.0, 2.0), (4.0, 0.0)], 2.5),  # a coarse encoder
-    ([(1.0, 2.0), (2.0, 1.0)], 1.0),
-])
+@pytest.mark.parametrize(
+    ('samples', 'turn'),
+    [
+        ([(1.0, 1.0), (2.0, 2.0), (3.0, 1.0)], 2.0),
+        ([(1.0, 1.0), (2.0, 2.0), (3.0, 1.5)], 2.0 + 1 / 6),
+        ([(1.0, 1.0), (2.0, 2.0), (3.0, 2.0), (4.0, 0.0)], 2.5),  # a coarse encoder
+        ([(1.0, 2.0), (2.0, 1.0)], 1.0),
+    ],
+)
 def test_where_between_the_samples_it_turned(samples, turn):
     leg = Leg(Way.AWAY, 0.0, 0.0, since=1.0, before=TOWARD)
     assert leg.way_at(turn - 1e-6, track(*samples)) == 1
@@ -245,7 +263,9 @@ def test_the_first_message_is_a_level_not_an_edge():
 
 def test_edges_without_debounce():
     assert fed(Switch(HS), (0.0, False), (1.0, True), (1.5, True), (2.0, False)) == [
-        (1.0, True), (2.0, False)]
+        (1.0, True),
+        (2.0, False),
+    ]
 
 
 def test_polarity():
@@ -319,8 +339,10 @@ def test_reordered_messages_do_not_lose_the_level():
     assert switch.level is False
 
 
-@given(st.lists(st.tuples(st.floats(0.001, 0.2), st.booleans()), max_size=40),
-       st.sampled_from([0.0, 0.05]))
+@given(
+    st.lists(st.tuples(st.floats(0.001, 0.2), st.booleans()), max_size=40),
+    st.sampled_from([0.0, 0.05]),
+)
 def test_edges_alternate_and_end_at_the_last_level(messages, debounce):
     switch, time = Switch(HS, debounce=debounce), 0.0
     switch.set(0.0, False, 0.0)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The plant alone: no ROS, no clock."""
 
 from math import exp, inf, nan

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which stamps are believed."""
 
 import pytest
@@ -16,9 +17,18 @@ def test_a_stamp_is_believed():
     assert stamps.smallest == pytest.approx(0.001)
 
 
-@pytest.mark.parametrize(('age', 'believed'), [
-    (0.0, True), (BEHIND - 1e-6, True), (LIMIT + 1e-6, False),
-    (-AGREEMENT + 1e-6, True), (-AGREEMENT - 1e-6, False), (-3600.0, False), (3600.0, False)])
+@pytest.mark.parametrize(
+    ('age', 'believed'),
+    [
+        (0.0, True),
+        (BEHIND - 1e-6, True),
+        (LIMIT + 1e-6, False),
+        (-AGREEMENT + 1e-6, True),
+        (-AGREEMENT - 1e-6, False),
+        (-3600.0, False),
+        (3600.0, False),
+    ],
+)
 def test_a_stamp_that_is_too_old_or_in_the_future_is_replaced(age, believed):
     stamps = Stamps(LIMIT)
     used, doubt = stamps.believe(10.0 - age, 10.0)

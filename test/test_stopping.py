@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The closed forms of stops and turns: what ruckig computes."""
 
 import pytest
@@ -45,7 +46,7 @@ def test_a_turn_goes_as_far_as_the_profile_s(velocity, part, acc, dec, back_acc,
         profile.update()
         furthest = max(furthest, profile.position)
     found = turning_distance(velocity, part * velocity, acc, dec, jerk, back_acc)
-    between_cycles = min(acc, dec) * PERIOD ** 2
+    between_cycles = min(acc, dec) * PERIOD**2
     assert furthest - begin == pytest.approx(found, rel=1e-6, abs=between_cycles)
 
 
@@ -64,8 +65,9 @@ def test_no_moment_of_the_acceleration_goes_further(velocity, acceleration, jerk
         path.append(profile.position)
         ends.append(profile.stopping_position(1.0))
     furthest = max(end - path[max(0, n - cycles)] for n, end in enumerate(ends))
-    bound = (reaction_distance(velocity, acceleration, jerk, cycles * PERIOD)
-             + stopping_distance(velocity, 1.0, jerk))
+    bound = reaction_distance(velocity, acceleration, jerk, cycles * PERIOD) + stopping_distance(
+        velocity, 1.0, jerk
+    )
     assert furthest <= bound * (1 + 1e-6) + 1e-12
     assert furthest >= 0.7 * bound - 2 * velocity * PERIOD
 

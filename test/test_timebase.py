@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What time it is, and how long before its setpoints are due a cycle begins."""
 
 import random
@@ -106,6 +107,7 @@ def test_simulated_time_stands(monkeypatch):
 
 
 # ---------------------------------------------------------------------------------------- lead
+
 
 def late(lead, work, cycles):
     """Run some cycles whose work takes ``work()`` s; return the share of those that were late."""

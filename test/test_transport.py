@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How messages leave our processes: over UDP, whatever the middleware does by default."""
 
 from pathlib import Path
@@ -12,19 +13,31 @@ HERE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
 UDP = {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 
 
-@pytest.mark.parametrize('before, after', [
-    ({}, UDP),
-    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, UDP),
-    (HERE, {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
-            'FASTRTPS_DEFAULT_PROFILES_FILE': str(LOCALHOST)}),
-    ({**HERE, 'ROS_STATIC_PEERS': '192.168.0.1'}, {}),
-    ({'FASTDDS_BUILTIN_TRANSPORTS': 'DEFAULT'}, {}),
-    ({**HERE, 'FASTDDS_DEFAULT_PROFILES_FILE': 'mine.xml'}, {}),
-    ({**HERE, 'FASTRTPS_DEFAULT_PROFILES_FILE': 'mine.xml'}, {}),
-    ({**HERE, 'FASTRTPS_DEFAULT_PROFILES_FILE': ''}, {
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
-        'FASTRTPS_DEFAULT_PROFILES_FILE': str(LOCALHOST)}),
-])
+@pytest.mark.parametrize(
+    'before, after',
+    [
+        ({}, UDP),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, UDP),
+        (
+            HERE,
+            {
+                'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
+                'FASTRTPS_DEFAULT_PROFILES_FILE': str(LOCALHOST),
+            },
+        ),
+        ({**HERE, 'ROS_STATIC_PEERS': '192.168.0.1'}, {}),
+        ({'FASTDDS_BUILTIN_TRANSPORTS': 'DEFAULT'}, {}),
+        ({**HERE, 'FASTDDS_DEFAULT_PROFILES_FILE': 'mine.xml'}, {}),
+        ({**HERE, 'FASTRTPS_DEFAULT_PROFILES_FILE': 'mine.xml'}, {}),
+        (
+            {**HERE, 'FASTRTPS_DEFAULT_PROFILES_FILE': ''},
+            {
+                'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
+                'FASTRTPS_DEFAULT_PROFILES_FILE': str(LOCALHOST),
+            },
+        ),
+    ],
+)
 def test_udp_is_chosen_where_the_user_has_not(before, after):
     environment = dict(before)
     choose_udp(environment, FAST_DDS)
@@ -40,7 +53,8 @@ def test_another_middleware_is_left_alone():
 def test_a_process_neither_shares_memory_nor_hears_the_network(tmp_path):
     """The names of its threads tell what it listens to; this one, the client, shares memory."""
     with ros.World(
-            tmp_path, ros.node_parameters({'x': {}}), ros.plant_parameters({'x': {}})) as world:
+        tmp_path, ros.node_parameters({'x': {}}), ros.plant_parameters({'x': {}})
+    ) as world:
         assert world.client.home('x')['x'].success
         multicast = f'dds.udp.{7400 + 250 * world.domain.number}'
         for process in world.processes:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Turning points, and the rules that bound a motion."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Proves a configuration before the first motion.
 
 Pure: parameters, where things are along the axis (as far as that is known) and how fast messages
@@ -44,9 +45,15 @@ def check(
     for axis, parameters in axes.items():
         findings += check_axis(axis, parameters, (layouts or NOWHERE).get(axis), timing)
         if layouts is not None and axis not in layouts:
-            findings.append(Finding(
-                Severity.info, axis, 'layout-missing', 'the layout has no such axis',
-                'what depends on where its switches are is not checked'))
+            findings.append(
+                Finding(
+                    Severity.info,
+                    axis,
+                    'layout-missing',
+                    'the layout has no such axis',
+                    'what depends on where its switches are is not checked',
+                )
+            )
     return worst_first(findings)
 
 
@@ -64,10 +71,15 @@ def check_axis(
             for part in (Places, Ends, Bounds, Shift):
                 findings += part(axis, parameters, layout, timing).check()
     except ArithmeticError as error:
-        return [Finding(
-            Severity.error, axis, 'beyond-numbers',
-            f'velocities, accelerations and jerk cannot be computed with ({error})',
-            'one of them is absurdly small or large')]
+        return [
+            Finding(
+                Severity.error,
+                axis,
+                'beyond-numbers',
+                f'velocities, accelerations and jerk cannot be computed with ({error})',
+                'one of them is absurdly small or large',
+            )
+        ]
     return worst_first(applicable(finding, parameters) for finding in findings)
 
 
@@ -80,9 +92,18 @@ def _check_node(configuration: Configuration) -> list[Finding]:
     period = 1.0 / configuration.update_rate
     if configuration.cycle_timeout >= 2 * period:
         return []
-    return [Finding(
-        Severity.warning, axis, 'cycle-timeout',
-        f'cycle_timeout is {configuration.cycle_timeout:g} s, less than two cycles of '
-        f'{period:g} s',
-        'a cycle that is a little late ends the run with CycleLate', 'cycle_timeout',
-        configuration.cycle_timeout, 2 * period, 's') for axis in list(configuration.axes)[:1]]
+    return [
+        Finding(
+            Severity.warning,
+            axis,
+            'cycle-timeout',
+            f'cycle_timeout is {configuration.cycle_timeout:g} s, less than two cycles of '
+            f'{period:g} s',
+            'a cycle that is a little late ends the run with CycleLate',
+            'cycle_timeout',
+            configuration.cycle_timeout,
+            2 * period,
+            's',
+        )
+        for axis in list(configuration.axes)[:1]
+    ]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Checks every stop: how far the axis goes on behind a switch, and what comes after it."""
 
 from collections.abc import Iterator
@@ -30,7 +31,8 @@ class Ends(Placed):
     def _known(self, way: Way) -> bool:
         """Tell whether it is known where the hard stop and the limits before it are."""
         return isfinite(self.at.stops[way]) and all(
-            name in self.at.flags for name, limit in self.limits.items() if limit.way is way)
+            name in self.at.flags for name, limit in self.limits.items() if limit.way is way
+        )
 
     def hard_stop(
         self, step: Step, row: Row, limits: list[Stop], events: list[Stop]
@@ -45,13 +47,17 @@ class Ends(Placed):
         if not guards and not hit:
             yield self._unguarded(
                 Severity.error if passable else Severity.warning,
-                'an axis that starts beyond its reference goes' if passable
-                else f'if {step.state} misses its switch, the axis goes', row)
+                'an axis that starts beyond its reference goes'
+                if passable
+                else f'if {step.state} misses its switch, the axis goes',
+                row,
+            )
         for guard in guards[:1]:
             yield from self._coasting(row, guard)
             missed = not passable and any(one.place < guard.place for one in sure)
-            yield from self._hits(row, [guard], guards, f'if {step.state} misses its switch, '
-                                  if missed else '')
+            yield from self._hits(
+                row, [guard], guards, f'if {step.state} misses its switch, ' if missed else ''
+            )
 
     def _hits(
         self, row: Row, firsts: list[Stop], guards: list[Stop], when: str = ''
@@ -63,29 +69,49 @@ class Ends(Placed):
         """
         way, velocity = row.motion.way, self.p.pace(row.motion.pace)[0]
         for first in firsts:
-            one = min([first, *(guard._replace(overrun=guard.braked) for guard in guards
-                                if guard.place > first.place and guard.braked)],
-                      key=lambda each: each.place + each.overrun(velocity))
+            one = min(
+                [
+                    first,
+                    *(
+                        guard._replace(overrun=guard.braked)
+                        for guard in guards
+                        if guard.place > first.place and guard.braked
+                    ),
+                ],
+                key=lambda each: each.place + each.overrun(velocity),
+            )
             room, overrun = self.at.stops[way] - one.place, one.overrun(velocity)
             if overrun > room:
                 parameter, right, unit = self.shorter(row, one, room)
                 yield self.found(
-                    Severity.warning if when else Severity.error, 'hard-stop',
+                    Severity.warning if when else Severity.error,
+                    'hard-stop',
                     f'{when}at {velocity:g} m/s the axis goes on by {overrun:.4g} m after the '
                     f'{one.name}, into the hard stop {SIDES[way]}, which is {room:.4g} m away',
                     f'it takes up to {1e3 * self.delay:.3g} ms until it brakes, then the stop '
-                    'itself', parameter, overrun, right, unit)
+                    'itself',
+                    parameter,
+                    overrun,
+                    right,
+                    unit,
+                )
 
     def _coasting(self, row: Row, one: Stop) -> Iterator[Finding]:
         limit = one.limit
         if limit is not None and one.coasts:
             room = self.at.stops[limit.way] - one.place
             yield self.found(
-                Severity.warning, 'coasting',
+                Severity.warning,
+                'coasting',
                 f'{limit.input} switches the servo off, {room:.4g} m before the hard stop '
                 f'{SIDES[limit.way]}',
                 f'how far the axis goes on from {self.p.pace(row.motion.pace)[0]:g} m/s is up to '
-                'its brake', ls_type_of(limit), room, 'DecServoOff', '')
+                'its brake',
+                ls_type_of(limit),
+                room,
+                'DecServoOff',
+                '',
+            )
 
     def _unguarded(self, severity: Severity, subject: str, row: Row) -> Finding:
         velocity, way = self.p.pace(row.motion.pace)[0], row.motion.way
@@ -95,9 +121,15 @@ class Ends(Placed):
         else:
             right = 'ls_type' if tier is Tier.HARDWARE else f'{tier}_ls_type', 'Dec'
         return self.found(
-            severity, 'end-unguarded',
+            severity,
+            'end-unguarded',
             f'{subject} on into the hard stop {SIDES[way]} at {velocity:g} m/s',
-            'no limit switch acts before it', right[0], velocity, right[1], '')
+            'no limit switch acts before it',
+            right[0],
+            velocity,
+            right[1],
+            '',
+        )
 
     def _passable(self, row: Row, sure: list[Stop]) -> bool:
         """Tell whether a search can begin beyond all that it waits for."""
@@ -113,41 +145,70 @@ class Ends(Placed):
     def next_tier(self, row: Row, one: Stop) -> Iterator[Finding]:
         """Check whether the overrun of a switch reaches the next limit switch."""
         velocity, way = self.p.pace(row.motion.pace)[0], row.motion.way
-        further = [(flag.enters(way), limit) for name, limit in self.limits.items()
-                   if limit.way is way and self.acts(limit)
-                   and (flag := self.at.flags.get(name)) is not None
-                   and flag.enters(way) > one.place]
+        further = [
+            (flag.enters(way), limit)
+            for name, limit in self.limits.items()
+            if limit.way is way
+            and self.acts(limit)
+            and (flag := self.at.flags.get(name)) is not None
+            and flag.enters(way) > one.place
+        ]
         if not further:
             return
         place, limit = min(further, key=lambda each: each[0])
         room, overrun = place - one.place, one.overrun(velocity)
         if overrun <= room:
             return
-        what = (f'at {velocity:g} m/s the axis goes on by {overrun:.4g} m after the {one.name} '
-                f'and reaches {limit.input}, which is {room:.4g} m away')
+        what = (
+            f'at {velocity:g} m/s the axis goes on by {overrun:.4g} m after the {one.name} '
+            f'and reaches {limit.input}, which is {room:.4g} m away'
+        )
         parameter, right, unit = self.shorter(row, one, room)
         if way is Way.AWAY and one.limit is None:  # it does so in every run
             yield self.found(
-                Severity.error, 'reverse-into-limit', what,
-                'a limit switch behind ends the run with LSTriggered', parameter, overrun, right,
-                unit)
+                Severity.error,
+                'reverse-into-limit',
+                what,
+                'a limit switch behind ends the run with LSTriggered',
+                parameter,
+                overrun,
+                right,
+                unit,
+            )
             return
         yield self.found(
-            Severity.warning, 'next-tier', what, _meeting(one, limit), parameter, overrun, right,
-            unit)
+            Severity.warning,
+            'next-tier',
+            what,
+            _meeting(one, limit),
+            parameter,
+            overrun,
+            right,
+            unit,
+        )
 
     def before_the_end(self) -> Iterator[Finding]:
         """Check what ends the search for the mechanical end before it."""
         stop = self.at.stops[Way.TOWARD]
         for name, limit in self.limits.items():
             flag = self.at.flags.get(name)
-            if (limit.way is Way.TOWARD and limit.role is Role.NORMAL and limit.action
-                    and flag is not None and flag.low < stop):
+            if (
+                limit.way is Way.TOWARD
+                and limit.role is Role.NORMAL
+                and limit.action
+                and flag is not None
+                and flag.low < stop
+            ):
                 yield self.found(
-                    Severity.error, 'end-behind-limit',
+                    Severity.error,
+                    'end-behind-limit',
                     f'{name} rises {stop - flag.low:.4g} m before the mechanical end',
-                    'every run ends with LSTriggered', 'mechanical_end_detection_ignore_ls',
-                    stop - flag.low, True, '')
+                    'every run ends with LSTriggered',
+                    'mechanical_end_detection_ignore_ls',
+                    stop - flag.low,
+                    True,
+                    '',
+                )
 
     def flags(self) -> Iterator[Finding]:
         """Check that every flag is passed slowly enough to be believed."""
@@ -168,23 +229,31 @@ class Ends(Placed):
                         'flag-debounce',
                         f'{name} is passed in {1e3 * width / velocity:.3g} ms at {velocity:g} '
                         f'm/s, less than switch_debounce, {1e3 * p.switch_debounce:g} ms',
-                        'it is never believed to be on', 'switch_debounce', width / velocity,
-                        down(0.5 * width / velocity), 's')
+                        'it is never believed to be on',
+                        'switch_debounce',
+                        width / velocity,
+                        down(0.5 * width / velocity),
+                        's',
+                    )
                 elif self._passed(name, step, row, width, velocity):
                     yield self.found(
-                        Severity.info, 'flag-narrow',
+                        Severity.info,
+                        'flag-narrow',
                         f'{name} is on over {width:.4g} m, the overrun at {velocity:g} m/s is '
                         'longer',
                         'the axis stops or turns beyond the flag; that is fine, its edges are '
-                        'told apart', str(name), width)
+                        'told apart',
+                        str(name),
+                        width,
+                    )
 
-    def _passed(
-        self, name: Input, step: Step, row: Row, width: float, velocity: float
-    ) -> bool:
+    def _passed(self, name: Input, step: Step, row: Row, width: float, velocity: float) -> bool:
         """Tell whether the overrun of a flag's own edge goes past the flag."""
         place = self.at.flags[name].enters(row.motion.way)
-        return any(one.place == place and one.overrun(velocity) > width
-                   for one in (*self.limit_stops(row), *self.event_stops(step, row)))
+        return any(
+            one.place == place and one.overrun(velocity) > width
+            for one in (*self.limit_stops(row), *self.event_stops(step, row))
+        )
 
 
 def _meeting(one: Stop, limit: Limit) -> str:

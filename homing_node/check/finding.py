@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a check finds."""
 
 from collections.abc import Callable, Iterable
@@ -55,8 +56,10 @@ class Finding(NamedTuple):
     def as_dict(self) -> dict[str, object]:
         """Return it as plain values; numbers that JSON does not know are left out."""
         plain: dict[str, object] = {**self._asdict(), 'severity': str(self.severity)}
-        return {name: None if isinstance(value, float) and not isfinite(value) else value
-                for name, value in plain.items()}
+        return {
+            name: None if isinstance(value, float) and not isfinite(value) else value
+            for name, value in plain.items()
+        }
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:
@@ -86,7 +89,7 @@ def _digits(number: float, way: Callable[[float], int]) -> float:
     if number <= 0.0 or not isfinite(number):
         return number
     step = floor(log10(number)) - 1
-    scaled = number * 10.0 ** -step
+    scaled = number * 10.0**-step
     # A number that has two digits stays, whatever its last bit says.
     whole = round(scaled) if abs(scaled - round(scaled)) < 1e-9 * scaled else way(scaled)
     return float(f'{whole}e{step}')

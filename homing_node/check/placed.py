@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An axis and its layout as the checks look at it: what stops each search, where, and how late.
 
 Everything is in the toward frame and along the way of a search; see geometry.py.
@@ -42,8 +43,12 @@ class Stop(NamedTuple):
     def coasts(self) -> bool:
         """Whether it switches the servo off and leaves the axis to itself."""
         limit = self.limit
-        return (limit is not None and limit.role is Role.NORMAL and limit.action is not None
-                and limit.action.deceleration is None)
+        return (
+            limit is not None
+            and limit.role is Role.NORMAL
+            and limit.action is not None
+            and limit.action.deceleration is None
+        )
 
     def velocity(self, room: float, at_most: float) -> float:
         """Return the largest velocity whose overrun stays within a room."""
@@ -59,13 +64,23 @@ class Placed:
         self.axis, self.p, self.layout, self.timing = axis, parameters, layout, timing
         self.at = Geometry(parameters, layout)
         self.limits = limits_of(parameters)
-        self.searches = [(step, row) for step, row in parameters.procedure.rows.items()
-                         if row.motion.kind is Kind.SEARCH]
+        self.searches = [
+            (step, row)
+            for step, row in parameters.procedure.rows.items()
+            if row.motion.kind is Kind.SEARCH
+        ]
         self.delay = timing.reaction(parameters, layout.lag)
 
     def found(
-        self, severity: Severity, check: str, what: str, why: str, parameter: str = '',
-        value: float | str | None = None, right: float | str | bool | None = None, unit: str = 'm',
+        self,
+        severity: Severity,
+        check: str,
+        what: str,
+        why: str,
+        parameter: str = '',
+        value: float | str | None = None,
+        right: float | str | bool | None = None,
+        unit: str = 'm',
     ) -> Finding:
         return Finding(severity, self.axis, check, what, why, parameter, value, right, unit)
 
@@ -86,15 +101,20 @@ class Placed:
 
     def first_limits(self, way: Way) -> list[float]:
         """Return where the limit switches that steer or stop a search rise, along a way."""
-        return [flag.enters(way) for name, limit in self.limits.items()
-                if limit.way is way and self.acts(limit)
-                and (flag := self.at.flags.get(name)) is not None]
+        return [
+            flag.enters(way)
+            for name, limit in self.limits.items()
+            if limit.way is way
+            and self.acts(limit)
+            and (flag := self.at.flags.get(name)) is not None
+        ]
 
     @staticmethod
     def acts(limit: Limit) -> bool:
         """Tell whether a limit switch steers or stops a search toward it."""
         return limit.role is not Role.IGNORED and bool(
-            limit.action or limit.role is not Role.NORMAL)
+            limit.action or limit.role is not Role.NORMAL
+        )
 
     def limit_stops(self, row: Row) -> Iterator[Stop]:
         """Yield where the limit switches on a row's way stop or turn the axis."""
@@ -115,8 +135,13 @@ class Placed:
                 stops.append(self._frozen)
             if limit.role is not Role.REFERENCE:  # a second reversal ends the run, too
                 stops.append(stopped)
-            yield Stop(f'{name.text} rises', place, partial(_longest, stops), limit,
-                       self.late(row, place, self._braked(limit)) if limit.action else None)
+            yield Stop(
+                f'{name.text} rises',
+                place,
+                partial(_longest, stops),
+                limit,
+                self.late(row, place, self._braked(limit)) if limit.action else None,
+            )
 
     def event_stops(self, step: Step, row: Row) -> Iterator[Stop]:
         """Yield where the edges that a row waits for stop or turn the axis."""
@@ -146,8 +171,13 @@ class Placed:
             return partial(stopping_distance, deceleration=deceleration, jerk=p.max_jerk)
         back, back_acceleration, _ = p.pace(motion.pace)
         return lambda v: turning_distance(
-            v, v if motion.pace is pace else back, acceleration, deceleration, p.max_jerk,
-            back_acceleration)
+            v,
+            v if motion.pace is pace else back,
+            acceleration,
+            deceleration,
+            p.max_jerk,
+            back_acceleration,
+        )
 
     def late(self, row: Row, place: float, stop: Distance, wait: float = 0.0) -> Distance:
         """Return how far a stop goes from a place along a row's way if it begins late.
@@ -162,17 +192,24 @@ class Placed:
 
         def distance(velocity: float) -> float:
             steady = room >= stopping_distance(velocity, acceleration, jerk)
-            gone = velocity * delay if steady else reaction_distance(
-                velocity, acceleration, jerk, delay)
+            gone = (
+                velocity * delay
+                if steady
+                else reaction_distance(velocity, acceleration, jerk, delay)
+            )
             return gone + stop(velocity)
+
         return distance
 
     @property
     def _begin_away(self) -> float:
         """The furthest place away, along that way, where the axis turns to it."""
         used = self.p.procedure.inputs
-        begins = [flag.low for flag in (self.at.target, self.at.flags.get(Input.HOME_SWITCH))
-                  if flag and (flag is self.at.target or Input.HOME_SWITCH in used)]
+        begins = [
+            flag.low
+            for flag in (self.at.target, self.at.flags.get(Input.HOME_SWITCH))
+            if flag and (flag is self.at.target or Input.HOME_SWITCH in used)
+        ]
         if self.p.homes_on_mechanical_end:
             begins = [self.at.stops[Way.TOWARD]]
         return -min(begins, default=-inf)

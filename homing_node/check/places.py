@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Checks where the switches are: wiring, polarity, order along the axis."""
 
 from collections.abc import Iterator
@@ -41,20 +42,28 @@ class Places(Placed):
         for name in sorted(fitted - set(p.switches)):
             limit = name in LIMIT_SWITCHES
             yield self.found(
-                Severity.warning if limit else Severity.info, 'fitted-unwired',
+                Severity.warning if limit else Severity.info,
+                'fitted-unwired',
                 f'{name} is fitted, but not in switches',
                 'a limit switch that nobody reads stops nothing' if limit else 'it is not read',
-                'switches', None, f'with {name}')
+                'switches',
+                None,
+                f'with {name}',
+            )
         needed = set(p.procedure.inputs)
         if p.procedure.target:
             needed.add(p.limit_switch(p.procedure.target, Way.TOWARD))
         for name in p.inputs:
             if name not in fitted and name is not Input.SERVO_ENABLED:
                 yield self.found(
-                    Severity.warning if name in needed else Severity.info, 'place-unknown',
+                    Severity.warning if name in needed else Severity.info,
+                    'place-unknown',
                     f'{name} is in switches, but the layout does not tell where it is',
-                    f'{p.home_type} cannot home without it' if name in needed
-                    else 'what depends on it is not checked', str(name))
+                    f'{p.home_type} cannot home without it'
+                    if name in needed
+                    else 'what depends on it is not checked',
+                    str(name),
+                )
 
     def polarity(self) -> Iterator[Finding]:
         """Check that every switch is read the right way round."""
@@ -62,55 +71,81 @@ class Places(Placed):
             flag = self.layout.switches.get(name)
             inverted = self.p.inverted(name)
             if flag is not None and flag.inverted is not inverted:
-                parameter = (f'invert_{name}_polarity'.replace('home_switch', 'hs')
-                             .replace('limit_switch', 'ls'))
+                parameter = f'invert_{name}_polarity'.replace('home_switch', 'hs').replace(
+                    'limit_switch', 'ls'
+                )
                 yield self.found(
-                    Severity.error, 'polarity',
+                    Severity.error,
+                    'polarity',
                     f'{name} is normally {"closed" if flag.inverted else "open"}, but '
                     f'{parameter} is {str(inverted).lower()}',
-                    'it is read the wrong way round', parameter, str(inverted).lower(),
-                    flag.inverted, '')
+                    'it is read the wrong way round',
+                    parameter,
+                    str(inverted).lower(),
+                    flag.inverted,
+                    '',
+                )
 
     def travel(self) -> Iterator[Finding]:
         """Check travel against the hard stops."""
         travel, span = self.p.travel, self.at.span
         if isfinite(span) and abs(travel - span) > TRAVEL_TOLERANCE * span:
             yield self.found(
-                Severity.warning, 'travel',
+                Severity.warning,
+                'travel',
                 f'travel is {travel:g} m, but the hard stops are {span:.6g} m apart',
-                'the bounds of every search follow from travel', 'travel', travel,
-                float(f'{span:.6g}'))
+                'the bounds of every search follow from travel',
+                'travel',
+                travel,
+                float(f'{span:.6g}'),
+            )
 
     def pair(self, tier: Tier) -> Iterator[Finding]:
         """Check a pair of limit switches: which is where, and that the axis fits between them."""
         p, at = self.p, self.at
         switches = {way: p.limit_switch(tier, way) for way in (Way.TOWARD, Way.AWAY)}
-        wired = {way: at.flags[name] for way, name in switches.items()
-                 if name in p.inputs and name in at.flags}
+        wired = {
+            way: at.flags[name]
+            for way, name in switches.items()
+            if name in p.inputs and name in at.flags
+        }
         ahead, behind = wired.get(Way.TOWARD), wired.get(Way.AWAY)
-        swapped = (ahead.high < behind.low if ahead and behind
-                   else any(self._at_other_end(flag, way) for way, flag in wired.items()))
+        swapped = (
+            ahead.high < behind.low
+            if ahead and behind
+            else any(self._at_other_end(flag, way) for way, flag in wired.items())
+        )
         if swapped:
             reverse = p.ls_direction is LSDirection.Reverse
             yield self.found(
-                Severity.error, 'limits-swapped',
+                Severity.error,
+                'limits-swapped',
                 f'the {tier} limit switches are at the wrong ends',
-                'the axis meets the one that should guard the other end', 'ls_direction',
-                str(p.ls_direction), str(LSDirection.Normal if reverse else LSDirection.Reverse),
-                '')
+                'the axis meets the one that should guard the other end',
+                'ls_direction',
+                str(p.ls_direction),
+                str(LSDirection.Normal if reverse else LSDirection.Reverse),
+                '',
+            )
         elif ahead and behind and ahead.low <= behind.high and behind.low <= ahead.high:
             yield self.found(
-                Severity.error, 'limits-overlap',
+                Severity.error,
+                'limits-overlap',
                 f'the {tier} limit switches are on together over '
                 f'{min(ahead.high, behind.high) - max(ahead.low, behind.low):.4g} m',
-                'a run that comes there ends with LimitsBothOn', str(LIMIT_PAIRS[tier][0]),
-                behind.high - ahead.low)
+                'a run that comes there ends with LimitsBothOn',
+                str(LIMIT_PAIRS[tier][0]),
+                behind.high - ahead.low,
+            )
 
     def _at_other_end(self, flag: Flag, way: Way) -> bool:
         """Tell whether a lone limit's flag covers the hard stop at the wrong end."""
         other = -self.at.stops[Way(-way)]
-        return (isfinite(other) and flag.enters(way) <= other <= flag.leaves(way)
-                and flag.leaves(way) < self.at.stops[way])
+        return (
+            isfinite(other)
+            and flag.enters(way) <= other <= flag.leaves(way)
+            and flag.leaves(way) < self.at.stops[way]
+        )
 
     def limit_flags(self) -> Iterator[Finding]:
         """Check every limit switch against the hard stop behind it."""
@@ -122,25 +157,42 @@ class Places(Placed):
             rises, falls = flag.enters(limit.way), flag.leaves(limit.way)
             if rises >= stop:
                 yield self.found(
-                    Severity.error, 'limit-beyond-stop',
+                    Severity.error,
+                    'limit-beyond-stop',
                     f'{name} rises {rises - stop:.4g} m beyond the hard stop {SIDES[limit.way]}',
-                    'the axis never comes to it', str(name), self.raw(rises, limit.way),
-                    self.raw(stop - self._room_for(limit), limit.way))
+                    'the axis never comes to it',
+                    str(name),
+                    self.raw(rises, limit.way),
+                    self.raw(stop - self._room_for(limit), limit.way),
+                )
             elif falls < stop:
                 yield self.found(
-                    Severity.warning, 'limit-momentary',
+                    Severity.warning,
+                    'limit-momentary',
                     f'{name} falls again {stop - falls:.4g} m before the hard stop '
                     f'{SIDES[limit.way]}',
                     'an axis that starts beyond it sees no limit switch and goes on to the hard '
-                    'stop: make the flag reach up to there', str(name),
-                    stop - falls, self.raw(stop, limit.way))
+                    'stop: make the flag reach up to there',
+                    str(name),
+                    stop - falls,
+                    self.raw(stop, limit.way),
+                )
 
     def _room_for(self, limit: Limit) -> float:
         """Return how far before the hard stop a limit switch has to be."""
-        velocity = max((self.p.pace(row.motion.pace)[0] for _, row in self.searches
-                        if row.motion.way is limit.way), default=0.0)
-        return up(velocity * self.delay + stopping_distance(
-            velocity, self.p.ls_dec, self.p.max_jerk)) if velocity else 0.0
+        velocity = max(
+            (
+                self.p.pace(row.motion.pace)[0]
+                for _, row in self.searches
+                if row.motion.way is limit.way
+            ),
+            default=0.0,
+        )
+        return (
+            up(velocity * self.delay + stopping_distance(velocity, self.p.ls_dec, self.p.max_jerk))
+            if velocity
+            else 0.0
+        )
 
     def home_switch(self) -> Iterator[Finding]:
         """Check the home switch against the ends, and the direction in which it is sought."""
@@ -168,15 +220,24 @@ class Places(Placed):
             part = (end - edge) / (end + begin)
             if part > FAR:
                 yield self.found(
-                    Severity.warning if part > VERY_FAR else Severity.info, 'direction',
+                    Severity.warning if part > VERY_FAR else Severity.info,
+                    'direction',
                     f'home_direction is {p.home_direction}, but the home switch is nearer to the '
                     'other end',
                     f'from {100 * part:.0f} % of the travel the axis meets the limit switch first '
-                    'and has to turn', 'home_direction', part,
-                    'Negative' if at.sign > 0 else 'Positive', '')
+                    'and has to turn',
+                    'home_direction',
+                    part,
+                    'Negative' if at.sign > 0 else 'Positive',
+                    '',
+                )
 
     def _misplaced(self, where: str, place: float) -> Finding:
         return self.found(
-            Severity.error, 'home-switch-place', f'the edge of home_switch lies beyond {where}',
-            'no run finds it; is home_direction right?', str(Input.HOME_SWITCH),
-            self.at.raw(place))
+            Severity.error,
+            'home-switch-place',
+            f'the edge of home_switch lies beyond {where}',
+            'no run finds it; is home_direction right?',
+            str(Input.HOME_SWITCH),
+            self.at.raw(place),
+        )

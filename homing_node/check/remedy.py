@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sees to it that what a finding asks for can be written into the file as it stands."""
 
 from collections.abc import Mapping
@@ -28,9 +29,12 @@ def applicable(finding: Finding, parameters: AxisParameters) -> Finding:
 def _valid(parameters: AxisParameters, names: list[str], right: object) -> bool:
     """Tell whether the parameters are no worse with a value."""
     try:
-        values = {name: SPECS[name].convert(
-            int(right) if SPECS[name].kind is int and isinstance(right, float) else right)
-            for name in names}
+        values = {
+            name: SPECS[name].convert(
+                int(right) if SPECS[name].kind is int and isinstance(right, float) else right
+            )
+            for name in names
+        }
     except ValueError:
         return False
     return set(replace(parameters, **values).cross_check()) <= set(parameters.cross_check())

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far an axis goes on before it rests or has turned: closed forms of the jerk-limited stop.
 
 The same trajectories that profile.py lets ruckig compute, as formulas; all arguments and results
@@ -15,7 +16,11 @@ def stopping_distance(velocity: float, deceleration: float, jerk: float) -> floa
 
 
 def turning_distance(
-    velocity: float, back: float, acceleration: float, deceleration: float, jerk: float,
+    velocity: float,
+    back: float,
+    acceleration: float,
+    deceleration: float,
+    jerk: float,
     back_acceleration: float | None = None,
 ) -> float:
     """Return how far a reversal goes on, from a constant velocity to ``back`` the other way.
@@ -33,20 +38,20 @@ def turning_distance(
     left = velocity - peak * ramp / 2
     if left <= 0.0:  # it turns while the deceleration still grows
         time = sqrt(2 * velocity / jerk)
-        return velocity * time - jerk * time ** 3 / 6
-    gone = velocity * ramp - jerk * ramp ** 3 / 6
+        return velocity * time - jerk * time**3 / 6
+    gone = velocity * ramp - jerk * ramp**3 / 6
     if left <= peak * constant:
         return gone + left * left / (2 * peak)
-    gone += left * constant - peak * constant ** 2 / 2
+    gone += left * constant - peak * constant**2 / 2
     left -= peak * constant  # it turns while the deceleration already shrinks
     ramped, low, high = 0.0, 0.0, ramp
     for _ in range(60):
         ramped = (low + high) / 2
-        if left - peak * ramped + jerk * ramped ** 2 / 2 > 0.0:
+        if left - peak * ramped + jerk * ramped**2 / 2 > 0.0:
             low = ramped
         else:
             high = ramped
-    return gone + left * ramped - peak * ramped ** 2 / 2 + jerk * ramped ** 3 / 6
+    return gone + left * ramped - peak * ramped**2 / 2 + jerk * ramped**3 / 6
 
 
 def reaction_distance(velocity: float, acceleration: float, jerk: float, delay: float) -> float:
@@ -58,8 +63,7 @@ def reaction_distance(velocity: float, acceleration: float, jerk: float, delay: 
     peak = min(acceleration, sqrt(velocity * jerk))
     time = peak / jerk
     before = velocity - peak * time / 2
-    return max(velocity * delay,
-               velocity * time - jerk * time ** 3 / 6 + before * delay)
+    return max(velocity * delay, velocity * time - jerk * time**3 / 6 + before * delay)
 
 
 def fastest(distance: Callable[[float], float], room: float, at_most: float) -> float:

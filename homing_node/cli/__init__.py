@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command `homing`: know before you move. Needs no ROS.
 
 Each of its commands is a module here: what it says of itself, its arguments, and `run`, which
@@ -62,13 +63,20 @@ def _drop_output() -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='homing', description=MAIN, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog=STATUS.format(failed='a finding is an error, or a run failed'))
+        prog='homing',
+        description=MAIN,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=STATUS.format(failed='a finding is an error, or a run failed'),
+    )
     commands = parser.add_subparsers(metavar='COMMAND', dest='command', required=True)
     for name, command in COMMANDS.items():
-        command.add_arguments(commands.add_parser(
-            name, help=command.TEXT.partition('.')[0].partition(':')[0].partition(',')[0],
-            description=command.TEXT, epilog=command.EXAMPLES + STATUS.format(
-                failed=command.FAILURE),
-            formatter_class=argparse.RawDescriptionHelpFormatter))
+        command.add_arguments(
+            commands.add_parser(
+                name,
+                help=command.TEXT.partition('.')[0].partition(':')[0].partition(',')[0],
+                description=command.TEXT,
+                epilog=command.EXAMPLES + STATUS.format(failed=command.FAILURE),
+                formatter_class=argparse.RawDescriptionHelpFormatter,
+            )
+        )
     return parser

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`homing check`: proves a configuration before the first motion."""
 
 import argparse
@@ -70,11 +71,13 @@ COLOURS = {Severity.error: 'bold red', Severity.warning: 'yellow', Severity.info
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration(parser)
-    parser.add_argument('--layout', metavar='LAYOUT', type=Path,
-                        help='where things are along the axes (YAML)')
+    parser.add_argument(
+        '--layout', metavar='LAYOUT', type=Path, help='where things are along the axes (YAML)'
+    )
     add_timing(parser)
-    parser.add_argument('--accuracy', metavar='M', type=positive,
-                        help='how well home must be known, m or rad')
+    parser.add_argument(
+        '--accuracy', metavar='M', type=positive, help='how well home must be known, m or rad'
+    )
     parser.add_argument('--axis', metavar='NAME', help='only this axis')
     parser.add_argument('--json', action='store_true', help='print the findings as JSON')
 
@@ -89,13 +92,20 @@ def run(arguments: argparse.Namespace) -> int:
         found = [_fault(fault) for fault in error.faults]
     else:
         axes = only(arguments.axis, configuration.axes)
-        found = [finding for finding in check(
-            configuration, None if layout is None else layout.layouts,
-            timing_of(arguments, layout)) if finding.axis in axes]
+        found = [
+            finding
+            for finding in check(
+                configuration,
+                None if layout is None else layout.layouts,
+                timing_of(arguments, layout),
+            )
+            if finding.axis in axes
+        ]
     failed = bool(errors(found))
     if arguments.json:
-        print(json.dumps({'ok': not failed, 'findings': [one.as_dict() for one in found]},
-                         indent=2))
+        print(
+            json.dumps({'ok': not failed, 'findings': [one.as_dict() for one in found]}, indent=2)
+        )
     else:
         _show_findings(console(), found, str(arguments.config))
     return FAILED if failed else OK
@@ -108,8 +118,11 @@ def _fault(text: str) -> Finding:
 
 def _show_findings(console: Console, found: Sequence[Finding], name: str) -> None:
     counts = {severity: sum(one.severity is severity for one in found) for severity in Severity}
-    words = [f'{count} {severity}{"s" if count > 1 and severity is not Severity.info else ""}'
-             for severity, count in counts.items() if count]
+    words = [
+        f'{count} {severity}{"s" if count > 1 and severity is not Severity.info else ""}'
+        for severity, count in counts.items()
+        if count
+    ]
     summary = f'{name}: {", ".join(words) or "nothing found"}'
     if not console.is_terminal:
         for one in found:
@@ -119,8 +132,14 @@ def _show_findings(console: Console, found: Sequence[Finding], name: str) -> Non
         print(summary)
         return
     for axis in dict.fromkeys(one.axis for one in found):
-        table = Table(title=f'axis {axis}' if axis else None, title_justify='left',
-                      title_style='bold', show_header=False, box=None, padding=(0, 2, 1, 0))
+        table = Table(
+            title=f'axis {axis}' if axis else None,
+            title_justify='left',
+            title_style='bold',
+            show_header=False,
+            box=None,
+            padding=(0, 2, 1, 0),
+        )
         table.add_column(no_wrap=True)
         table.add_column(overflow='fold')
         for one in found:
@@ -129,8 +148,9 @@ def _show_findings(console: Console, found: Sequence[Finding], name: str) -> Non
                 text.append(f'\n{one.why}', style='dim')
                 if one.remedy:
                     text.append('\n→ ', style='green').append(one.remedy, style='bold green')
-                table.add_row(Text(f'{one.severity}\n{one.check}', style=COLOURS[one.severity]),
-                              text)
+                table.add_row(
+                    Text(f'{one.severity}\n{one.check}', style=COLOURS[one.severity]), text
+                )
         console.print(table)
     style = 'bold red' if counts[Severity.error] else 'bold green'
     console.print(Text(summary, style=style))

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the commands share: exit statuses, the files and numbers that they are given."""
 
 import argparse
@@ -27,24 +28,40 @@ class Failure(Exception):
 
 
 def add_configuration(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('config', metavar='CONFIG', type=Path,
-                        help='parameter file of homing_node (YAML)')
-    parser.add_argument('--node', metavar='NAME', default=yaml_file.NODE,
-                        help='the node that the parameters are for (default: %(default)s)')
+    parser.add_argument(
+        'config', metavar='CONFIG', type=Path, help='parameter file of homing_node (YAML)'
+    )
+    parser.add_argument(
+        '--node',
+        metavar='NAME',
+        default=yaml_file.NODE,
+        help='the node that the parameters are for (default: %(default)s)',
+    )
 
 
 def add_timing(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--feedback-rate', metavar='HZ', type=positive,
-                        help='how often joint_states come (default: as the layout file says)')
     parser.add_argument(
-        '--latency', metavar='S', type=not_negative,
+        '--feedback-rate',
+        metavar='HZ',
+        type=positive,
+        help='how often joint_states come (default: as the layout file says)',
+    )
+    parser.add_argument(
+        '--latency',
+        metavar='S',
+        type=not_negative,
         help="from a switch's edge until the setpoint that answers it takes effect "
-             f"(default: the layout file's dead_time, else {Timing().latency:g} s)")
+        f"(default: the layout file's dead_time, else {Timing().latency:g} s)",
+    )
 
 
 def add_unit(parser: argparse.ArgumentParser, default: str | None, otherwise: str) -> None:
-    parser.add_argument('--unit', choices=('m', 'rad'), default=default,
-                        help=f'of positions: a linear or a rotary axis (default: {otherwise})')
+    parser.add_argument(
+        '--unit',
+        choices=('m', 'rad'),
+        default=default,
+        help=f'of positions: a linear or a rotary axis (default: {otherwise})',
+    )
 
 
 def positive(text: str) -> float:
@@ -88,8 +105,10 @@ def timing_of(arguments: argparse.Namespace, layout: LayoutFile | None) -> Timin
         rate = layout.feedback_rate if rate is None else rate
         latency = layout.dead_time if latency is None else latency
     return Timing(
-        feedback_rate=rate, latency=Timing().latency if latency is None else latency,
-        accuracy=getattr(arguments, 'accuracy', None))
+        feedback_rate=rate,
+        latency=Timing().latency if latency is None else latency,
+        accuracy=getattr(arguments, 'accuracy', None),
+    )
 
 
 def only(axis: str | None, axes: Mapping[str, AxisParameters]) -> dict[str, AxisParameters]:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`homing diagram`: draws what a home type does."""
 
 import argparse
@@ -24,12 +25,21 @@ FORMATS = {'.svg': 'svg', '.mmd': 'mermaid', '.md': 'mermaid'}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('type', metavar='TYPE', choices=list(map(str, HomeType)),
-                        help=', '.join(HomeType))
-    parser.add_argument('--format', choices=('mermaid', 'svg'),
-                        help="default: as FILE's name ends, mermaid on the terminal")
-    parser.add_argument('-o', '--output', metavar='FILE', type=Path,
-                        help='.svg, or .mmd or .md for Mermaid (default: the terminal)')
+    parser.add_argument(
+        'type', metavar='TYPE', choices=list(map(str, HomeType)), help=', '.join(HomeType)
+    )
+    parser.add_argument(
+        '--format',
+        choices=('mermaid', 'svg'),
+        help="default: as FILE's name ends, mermaid on the terminal",
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        metavar='FILE',
+        type=Path,
+        help='.svg, or .mmd or .md for Mermaid (default: the terminal)',
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`homing plot`: draws a saved run."""
 
 import argparse
@@ -24,16 +25,36 @@ FAILURE = 'the file holds no course'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('record', metavar='RECORD', type=Path,
-                        help='a course saved by `homing run --save` (.npz or .csv)')
-    parser.add_argument('-o', '--output', metavar='FILE', type=Path,
-                        help='.png, .svg or .pdf (default: RECORD with .png)')
-    parser.add_argument('--layout', metavar='LAYOUT', type=Path,
-                        help='draw the switches and hard stops of this layout, too')
-    parser.add_argument('--axis', metavar='NAME',
-                        help="the axis in the layout (default: the only one, or the record's)")
-    parser.add_argument('--panels', choices=('all', 'position', 'profile'), default='all',
-                        help='the position diagram, the profile, or both')
+    parser.add_argument(
+        'record',
+        metavar='RECORD',
+        type=Path,
+        help='a course saved by `homing run --save` (.npz or .csv)',
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        metavar='FILE',
+        type=Path,
+        help='.png, .svg or .pdf (default: RECORD with .png)',
+    )
+    parser.add_argument(
+        '--layout',
+        metavar='LAYOUT',
+        type=Path,
+        help='draw the switches and hard stops of this layout, too',
+    )
+    parser.add_argument(
+        '--axis',
+        metavar='NAME',
+        help="the axis in the layout (default: the only one, or the record's)",
+    )
+    parser.add_argument(
+        '--panels',
+        choices=('all', 'position', 'profile'),
+        default='all',
+        help='the position diagram, the profile, or both',
+    )
     add_unit(parser, None, 'as the record says')
 
 
@@ -50,8 +71,12 @@ def run(arguments: argparse.Namespace) -> int:
     panels = {'all': plot.WHOLE, 'position': plot.POSITION_DIAGRAM, 'profile': plot.PROFILE}
     path = arguments.output or arguments.record.with_suffix('.png')
     where = None if layout is None else _layout_of(layout, arguments, title)
-    written(path, lambda: plot.save(
-        path, course, where, title, panels[arguments.panels], arguments.unit or unit))
+    written(
+        path,
+        lambda: plot.save(
+            path, course, where, title, panels[arguments.panels], arguments.unit or unit
+        ),
+    )
     print(f'wrote {path}')
     return OK
 
@@ -62,6 +87,8 @@ def _layout_of(layout: LayoutFile, arguments: argparse.Namespace, title: str) ->
     if not arguments.axis and axis not in layout.layouts and len(layout.layouts) == 1:
         return next(iter(layout.layouts.values()))
     if axis not in layout.layouts:
-        raise Failure(f'{arguments.layout}: no axis {axis!r} in it; say which with --axis: '
-                      f'{", ".join(layout.layouts)}')
+        raise Failure(
+            f'{arguments.layout}: no axis {axis!r} in it; say which with --axis: '
+            f'{", ".join(layout.layouts)}'
+        )
     return layout.layouts[axis]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`homing run`: rehearses homing against a simulated axis."""
 
 import argparse
@@ -57,22 +58,49 @@ FAILURE = 'a run failed, or hit a hard stop'
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration(parser)
-    parser.add_argument('--layout', metavar='LAYOUT', type=Path, required=True,
-                        help='where things are along the axes (YAML)')
+    parser.add_argument(
+        '--layout',
+        metavar='LAYOUT',
+        type=Path,
+        required=True,
+        help='where things are along the axes (YAML)',
+    )
     parser.add_argument('--axis', metavar='NAME', help='only this axis (default: all)')
-    parser.add_argument('--from', metavar='POSITION', type=float, dest='start',
-                        help="raw start position (default: the layout's start)")
-    parser.add_argument('--type', metavar='TYPE', choices=list(map(str, HomeType)),
-                        help='another home type than the configured one')
-    parser.add_argument('--all-starts', action='store_true',
-                        help='run from everywhere along the travel, and draw what becomes of it')
-    parser.add_argument('--starts', metavar='N', type=count, default=101,
-                        help='how many start positions (default: %(default)s)')
+    parser.add_argument(
+        '--from',
+        metavar='POSITION',
+        type=float,
+        dest='start',
+        help="raw start position (default: the layout's start)",
+    )
+    parser.add_argument(
+        '--type',
+        metavar='TYPE',
+        choices=list(map(str, HomeType)),
+        help='another home type than the configured one',
+    )
+    parser.add_argument(
+        '--all-starts',
+        action='store_true',
+        help='run from everywhere along the travel, and draw what becomes of it',
+    )
+    parser.add_argument(
+        '--starts',
+        metavar='N',
+        type=count,
+        default=101,
+        help='how many start positions (default: %(default)s)',
+    )
     add_timing(parser)
-    parser.add_argument('--save', metavar='FILE', type=Path,
-                        help='save the course: .npz, or .csv for spreadsheets')
-    parser.add_argument('--plot', metavar='FILE', type=Path,
-                        help='draw it: .png, .svg or .pdf (--all-starts: default AXIS_starts.png)')
+    parser.add_argument(
+        '--save', metavar='FILE', type=Path, help='save the course: .npz, or .csv for spreadsheets'
+    )
+    parser.add_argument(
+        '--plot',
+        metavar='FILE',
+        type=Path,
+        help='draw it: .png, .svg or .pdf (--all-starts: default AXIS_starts.png)',
+    )
     add_unit(parser, 'm', 'm')
     parser.add_argument('--json', action='store_true', help='print the results as JSON')
 
@@ -117,8 +145,10 @@ def _show_rates(timing: Timing) -> None:
     for name in ('update_rate', 'feedback_rate'):
         wanted, kept = getattr(timing, name), getattr(transport, name)
         if wanted and not isclose(wanted, kept):
-            print(f'{name} is {wanted:g} Hz; rehearsed at {kept:.6g} Hz, the nearest that divides '
-                  f'{1 / PLANT_STEP:g} Hz')
+            print(
+                f'{name} is {wanted:g} Hz; rehearsed at {kept:.6g} Hz, the nearest that divides '
+                f'{1 / PLANT_STEP:g} Hz'
+            )
 
 
 def _with_type(parameters: AxisParameters, home_type: str | None, axis: str) -> AxisParameters:
@@ -139,28 +169,40 @@ def _place(
     if where is None:
         raise Failure(f'{path}: no axis {axis!r} in it, only {", ".join(layout.layouts)}')
     missing: list[Input] = [
-        name for name in parameters.inputs if name not in where.switches
-        and name not in (Input.SERVO_ENABLED, Input.Z_PULSE, Input.TOUCH_PROBE)]
+        name
+        for name in parameters.inputs
+        if name not in where.switches
+        and name not in (Input.SERVO_ENABLED, Input.Z_PULSE, Input.TOUCH_PROBE)
+    ]
     used = parameters.procedure.inputs
     if Input.Z_PULSE in used and (not where.index_pitch or isnan(where.index_offset)):
         missing.append(Input.Z_PULSE)
     if Input.TOUCH_PROBE in used and where.touch_probe is None:
         missing.append(Input.TOUCH_PROBE)
     if missing:
-        raise Failure(*(
-            f'{path}: axis {axis}: a run needs to know where {name} is, which '
-            f'{arguments.config} has in switches' for name in missing))
+        raise Failure(
+            *(
+                f'{path}: axis {axis}: a run needs to know where {name} is, which '
+                f'{arguments.config} has in switches'
+                for name in missing
+            )
+        )
     low, high = where.hard_stops
     if arguments.start is not None and not low <= arguments.start <= high:
-        raise Failure(f'--from: {arguments.start:g} is beyond the hard stops of axis {axis}, '
-                      f'{low:g} and {high:g}')
+        raise Failure(
+            f'--from: {arguments.start:g} is beyond the hard stops of axis {axis}, '
+            f'{low:g} and {high:g}'
+        )
     if isnan(where.index_offset):
         where = where._replace(index_pitch=0.0, index_offset=0.0)
     return where
 
 
 def _run_axis(
-    arguments: argparse.Namespace, axis: str, parameters: AxisParameters, where: AxisLayout,
+    arguments: argparse.Namespace,
+    axis: str,
+    parameters: AxisParameters,
+    where: AxisLayout,
     timing: Timing,
 ) -> list[Trial]:
     trial = rehearse_from(parameters, where, transport_of(timing), arguments.start, axis)
@@ -168,13 +210,19 @@ def _run_axis(
     files = []
     if arguments.save:
         from ..figures import record
-        written(arguments.save, lambda: record.save(
-            arguments.save, trial.course, title, arguments.unit))
+
+        written(
+            arguments.save,
+            lambda: record.save(arguments.save, trial.course, title, arguments.unit),
+        )
         files.append(arguments.save)
     if arguments.plot:
         from ..figures import plot
-        written(arguments.plot, lambda: plot.save(
-            arguments.plot, trial.course, where, title, unit=arguments.unit))
+
+        written(
+            arguments.plot,
+            lambda: plot.save(arguments.plot, trial.course, where, title, unit=arguments.unit),
+        )
         files.append(arguments.plot)
     if not arguments.json:
         _show_run(console(), axis, parameters, trial, files)
@@ -186,13 +234,18 @@ def _as_dict(
 ) -> dict[str, object]:
     outcome, transport = trial.course.outcome, transport_of(timing)
     return {
-        'axis': axis, 'home_type': str(parameters.home_type), 'start': trial.start,
-        'success': trial.success, 'error': trial.error,
+        'axis': axis,
+        'home_type': str(parameters.home_type),
+        'start': trial.start,
+        'success': trial.success,
+        'error': trial.error,
         'message': outcome.message if outcome else '',
         'time': trial.course.duration,
-        'update_rate': transport.update_rate, 'feedback_rate': transport.feedback_rate,
+        'update_rate': transport.update_rate,
+        'feedback_rate': transport.feedback_rate,
         'home_position_raw': outcome.home_position_raw if outcome and outcome.success else None,
-        'true_home': trial.true_home, 'off': trial.off,
+        'true_home': trial.true_home,
+        'off': trial.off,
         'uncertainty': outcome.uncertainty if outcome and outcome.success else None,
         'states': [stretch._asdict() for stretch in trial.stretches],
     }
@@ -207,12 +260,17 @@ def _show_run(
     if trial.hits is not None:
         lines.append(f'the axis ran into the hard stop at {trial.hits:g}')
     if outcome.success:
-        known = '' if trial.off is None else (
-            f'; true {trial.true_home:.9g}, off by {abs(trial.off):.2g}')
-        lines += [f'home position {outcome.home_position_raw:.9g} (raw){known}, known to within '
-                  f'{outcome.uncertainty:.2g}',
-                  f'reads {parameters.home_position:g} at '
-                  f'{outcome.home_offset + parameters.home_position:.9g} (raw)']
+        known = (
+            ''
+            if trial.off is None
+            else (f'; true {trial.true_home:.9g}, off by {abs(trial.off):.2g}')
+        )
+        lines += [
+            f'home position {outcome.home_position_raw:.9g} (raw){known}, known to within '
+            f'{outcome.uncertainty:.2g}',
+            f'reads {parameters.home_position:g} at '
+            f'{outcome.home_offset + parameters.home_position:.9g} (raw)',
+        ]
     else:
         lines.append(f'{outcome.error}: {outcome.message}')
     seconds = f'{trial.course.duration:.3f} s'
@@ -223,21 +281,28 @@ def _show_run(
     if not console.is_terminal:
         print(f'{head}: {verdict}')
         for one in trial.stretches:
-            print(f'  {one.begin:8.3f} s  {one.end - one.begin:8.3f} s  {one.state:<27}'
-                  f' {one.origin:12.6f} -> {one.target:12.6f}')
+            print(
+                f'  {one.begin:8.3f} s  {one.end - one.begin:8.3f} s  {one.state:<27}'
+                f' {one.origin:12.6f} -> {one.target:12.6f}'
+            )
         for line in lines:
             print(f'  {line}')
         return
-    console.print(Text(f'{head}: ', style='bold').append(
-        verdict, style='green' if trial.success else 'red'))
+    console.print(
+        Text(f'{head}: ', style='bold').append(verdict, style='green' if trial.success else 'red')
+    )
     table = Table(box=None, padding=(0, 2), header_style='dim')
     table.add_column('home state')
     for name in ('begins', 'takes', 'from', 'to'):
         table.add_column(name, justify='right')
     for one in trial.stretches:
-        table.add_row(Text(one.state, style=f'bold {state_colour(State(one.state))}'),
-                      f'{one.begin:.3f} s', f'{one.end - one.begin:.3f} s',
-                      f'{one.origin:.6f}', f'{one.target:.6f}')
+        table.add_row(
+            Text(one.state, style=f'bold {state_colour(State(one.state))}'),
+            f'{one.begin:.3f} s',
+            f'{one.end - one.begin:.3f} s',
+            f'{one.origin:.6f}',
+            f'{one.target:.6f}',
+        )
     if trial.stretches:
         console.print(table)
     for line in lines:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`homing run --all-starts`: what becomes of a run, over where it starts."""
 
 import argparse
@@ -16,7 +17,10 @@ from .common import written
 
 
 def sweep_axis(
-    arguments: argparse.Namespace, axis: str, parameters: AxisParameters, where: AxisLayout,
+    arguments: argparse.Namespace,
+    axis: str,
+    parameters: AxisParameters,
+    where: AxisLayout,
     timing: Timing,
 ) -> list[Trial]:
     """Run from everywhere along the travel, draw it and tell how it went."""
@@ -26,13 +30,15 @@ def sweep_axis(
     positions = starts(parameters, where, arguments.starts)
     shown = console.is_terminal and not arguments.json
     progress: AbstractContextManager[Progress | None] = (
-        Progress(console=console, transient=True) if shown else nullcontext())
+        Progress(console=console, transient=True) if shown else nullcontext()
+    )
     with progress as bar:
         task = bar.add_task(f'axis {axis}', total=len(positions)) if bar else None
 
         def done() -> None:
             if bar and task is not None:
                 bar.advance(task)
+
         trials = list(sweep(parameters, where, transport_of(timing), positions, axis, done))
     path = arguments.plot or Path(f'{axis}_starts.png')
     title = f'{axis}: {parameters.home_type} {parameters.home_direction}'
@@ -51,13 +57,17 @@ def _show(axis: str, parameters: AxisParameters, trials: Sequence[Trial]) -> Non
     durations = [trial.course.duration for trial in trials]
     took = sum(trial.took for trial in trials)
     homed = sum(trial.success for trial in trials)
-    print(f'axis {axis}: {parameters.home_type} {parameters.home_direction} from {len(trials)} '
-          f'positions: {homed} homed, {len(trials) - homed} failed')
+    print(
+        f'axis {axis}: {parameters.home_type} {parameters.home_direction} from {len(trials)} '
+        f'positions: {homed} homed, {len(trials) - homed} failed'
+    )
     for error in dict.fromkeys(trial.error for trial in trials if trial.error):
         failed = [trial for trial in trials if trial.error == error]
         message = failed[0].course.outcome.message if failed[0].course.outcome else ''
-        print(f'  {error} from {len(failed)} positions between {failed[0].start:g} and '
-              f'{failed[-1].start:g}{": " if message else ""}{message}')
+        print(
+            f'  {error} from {len(failed)} positions between {failed[0].start:g} and '
+            f'{failed[-1].start:g}{": " if message else ""}{message}'
+        )
     print(f'  time {min(durations):.3f} s to {max(durations):.3f} s')
     off = [abs(trial.off) for trial in trials if trial.off is not None]
     if off:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One axis: signals + machine + profile. No clock, no thread, no I/O: time is passed in.
 
 Feed it (:meth:`Axis.feedback`, :meth:`Axis.switch`, :meth:`Axis.latch`), ask it
@@ -115,8 +116,12 @@ class Axis:
             return
         p = self.parameters
         edge = known.set(
-            time - p.switch_latency, signal, time if arrival is None else arrival,
-            doubt or p.switch_stamp_error, not doubt)
+            time - p.switch_latency,
+            signal,
+            time if arrival is None else arrival,
+            doubt or p.switch_stamp_error,
+            not doubt,
+        )
         self._unsettled = self._unsettled or known.unsettled
         if edge is not None:
             self._take(edge)
@@ -164,19 +169,22 @@ class Axis:
             return self._refused(Error.EmergencyStop, 'the emergency stop is on')
         if not self.servo_on:
             return self._refused(
-                Error.ServoOff, 'the servo was switched off; switch it on by the servo service')
+                Error.ServoOff, 'the servo was switched off; switch it on by the servo service'
+            )
         faults = p.cross_check()
         if faults:
             return self._refused(Error.InvalidParameter, '; '.join(faults))
         if not self.known:
             return self._refused(
-                Error.FeedbackStale, f'no feedback yet for joint {p.joint or self.name!r}')
+                Error.FeedbackStale, f'no feedback yet for joint {p.joint or self.name!r}'
+            )
         age = now - self.arrival
         if age > p.feedback_timeout:
             return self._refused(
                 Error.FeedbackStale,
                 f'the feedback is {age:.3f} s old, more than {p.feedback_timeout:g} s '
-                '(feedback_timeout)')
+                '(feedback_timeout)',
+            )
         if self.unknown_inputs:
             names = ', '.join(self.unknown_inputs)
             return self._refused(Error.SwitchUnknown, f'no message yet from {names}')
@@ -399,8 +407,11 @@ class Axis:
         age = now - self.arrival
         if age > p.feedback_timeout:
             self.homed = False
-            self._fail(Error.FeedbackStale, f'the feedback is {age:.3f} s old, more than '
-                                            f'{p.feedback_timeout:g} s (feedback_timeout)')
+            self._fail(
+                Error.FeedbackStale,
+                f'the feedback is {age:.3f} s old, more than '
+                f'{p.feedback_timeout:g} s (feedback_timeout)',
+            )
         elif p.switch_timeout:
             stale = self._stale_switch(now)
             if stale is not None:
@@ -410,8 +421,10 @@ class Axis:
         limit = self.parameters.switch_timeout
         for switch in self._switches.values():
             if limit and now - switch.seen > limit:
-                return (f'{switch.input.text} is {now - switch.seen:.3f} s old, more than '
-                        f'{limit:g} s (switch_timeout)')
+                return (
+                    f'{switch.input.text} is {now - switch.seen:.3f} s old, more than '
+                    f'{limit:g} s (switch_timeout)'
+                )
         return None
 
     def _start_command(self) -> float:
@@ -438,10 +451,16 @@ class Axis:
         assert machine is not None
         if self._settling_since is None:
             self._settling_since = now
-        follows = self._moved and not machine.silent and (
-            now - self.arrival <= self.parameters.feedback_timeout)
-        if (follows and now - self._settling_since < SETTLE_TIMEOUT
-                and not self._settled(self._settling_since)):
+        follows = (
+            self._moved
+            and not machine.silent
+            and (now - self.arrival <= self.parameters.feedback_timeout)
+        )
+        if (
+            follows
+            and now - self._settling_since < SETTLE_TIMEOUT
+            and not self._settled(self._settling_since)
+        ):
             return self._setpoint(now)
         self.outcome = self._outcome(machine)
         self.history.add(self.outcome.error, self.outcome.home_position_raw)
@@ -449,8 +468,11 @@ class Axis:
         self.machine = None
         if machine.servo_off:
             self.servo_on = False
-        self._rest = None if machine.silent or machine.servo_off else (
-            self._sign * self.profile.position, self.raw_position)
+        self._rest = (
+            None
+            if machine.silent or machine.servo_off
+            else (self._sign * self.profile.position, self.raw_position)
+        )
         return self._setpoint(now) if self._moved and not machine.silent else None
 
     def _settled(self, since: float) -> bool:
@@ -462,15 +484,27 @@ class Axis:
 
     def _outcome(self, machine: Machine) -> Outcome:
         if machine.error is not Error.NoError or machine.reference is None:
-            return Outcome(machine.error, f'axis {self.name}: {machine.message}',
-                           warnings=self._warnings(machine))
+            return Outcome(
+                machine.error,
+                f'axis {self.name}: {machine.message}',
+                warnings=self._warnings(machine),
+            )
         p, mark = self.parameters, machine.reference
         raw = self._sign * mark.position
         offset = raw + self._sign * p.home_shift_distance - p.home_position
         passes = machine.passes
         return Outcome(
-            Error.NoError, '', raw, offset, mark.uncertainty, len(passes.fine), passes.range,
-            passes.deviation, machine.index_margin, self._warnings(machine))
+            Error.NoError,
+            '',
+            raw,
+            offset,
+            mark.uncertainty,
+            len(passes.fine),
+            passes.range,
+            passes.deviation,
+            machine.index_margin,
+            self._warnings(machine),
+        )
 
     def _warnings(self, machine: Machine) -> tuple[str, ...]:
         """Return what the run's user should know, bouncing switches included."""

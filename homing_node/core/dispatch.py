@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Requests from clients to axes: who homes what, and who waits for which answer.
 
 No ROS: the services await an :class:`Answer`, which the cycle gives.
@@ -75,15 +76,19 @@ class Dispatch:
         """Return who homes an axis, or will within a sequence; None where nobody does."""
         for request, _ in self._active:
             if name in request.names and not request.done:
-                return Outcome(Error.Busy, f'axis {name}: {request.owner} is homing '
-                                           f'{", ".join(request.names)} '
-                                           f'({name}: {self._axes[name].state})')
+                return Outcome(
+                    Error.Busy,
+                    f'axis {name}: {request.owner} is homing '
+                    f'{", ".join(request.names)} '
+                    f'({name}: {self._axes[name].state})',
+                )
         return None
 
     def answer(self, request: Request) -> Answer:
         """Return what to await for a request; one that has ended is answered."""
-        return next((answer for active, answer in self._active if active is request),
-                    Answer(given=True))
+        return next(
+            (answer for active, answer in self._active if active is request), Answer(given=True)
+        )
 
     def cancel(self, names: Sequence[str]) -> tuple[list[str], list[str], Answer]:
         """Stop some axes; return those that move, those that wait, and what to await.
@@ -91,8 +96,9 @@ class Dispatch:
         One that waits for its turn will not start.
         """
         moving = [name for name in names if self._axes[name].running]
-        waiting = [name for name in names
-                   if any(request.waits(name) for request, _ in self._active)]
+        waiting = [
+            name for name in names if any(request.waits(name) for request, _ in self._active)
+        ]
         for request, _ in self._active:
             request.cancel(names)
         answer = Answer(given=not moving)
@@ -120,8 +126,11 @@ class Dispatch:
     def update(self, now: float) -> bool:
         """Follow the axes, once one has changed; return whether an answer was given."""
         ended = [entry for entry in self._active if entry[0].update(now)]
-        rested = [entry for entry in self._canceling
-                  if not any(self._axes[name].running for name in entry[0])]
+        rested = [
+            entry
+            for entry in self._canceling
+            if not any(self._axes[name].running for name in entry[0])
+        ]
         for entry in ended:
             self._active.remove(entry)
             entry[1].give()

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The ends of the switches' flags, as the axis passed them going toward.
 
 Positions are in the *toward* frame, m or rad. A contact bounces where it changes: of edges that
@@ -31,7 +32,8 @@ class FlagEnds:
         """Tell whether an edge going toward comes no later than a bounce of the opposite one."""
         opposite = self._newest.get((edge.input, not edge.rises))
         return opposite is not None and (
-            edge.position <= opposite.position + self._bounce_distance)
+            edge.position <= opposite.position + self._bounce_distance
+        )
 
     def came_in_at(self, edge: Edge) -> bool:
         """Tell whether an edge going away is at the end where the axis came in, not at the other.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an axis remembers of its runs: how many, how they ended, how far its homes spread."""
 
 from collections import Counter, deque

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Latched positions of the Z-pulse and the touch probe: which one is the reference.
 
 Positions are in the *toward* frame, m or rad.
@@ -53,8 +54,11 @@ class Latches:
     def margin(self, origin: float, way: Way) -> float | None:
         """Return the distance from where the Z-pulse was armed to the first one, in pitches."""
         armed = origin + way * self._parameters.z_pulse_arm_delay
-        beyond = [(latch - armed) * way for latch in self._positions[Event.Z_PULSE]
-                  if (latch - armed) * way > 0.0]
+        beyond = [
+            (latch - armed) * way
+            for latch in self._positions[Event.Z_PULSE]
+            if (latch - armed) * way > 0.0
+        ]
         return min(beyond) / self.pitch if beyond and self.pitch else None
 
     def margin_fault(self, margin: float) -> Fault | None:
@@ -71,7 +75,9 @@ class Latches:
             f'the Z-pulse lies {margin:.3f} of its pitch ({pitch:.6g} m) behind the edge that '
             f'arms it, not within {least:g} to {1.0 - least:g} (index_margin)',
             f'move the switch {abs(shift):.6g} m '
-            + ('on along' if shift > 0.0 else 'back against') + ' the travel at that edge')
+            + ('on along' if shift > 0.0 else 'back against')
+            + ' the travel at that edge',
+        )
 
     def found(
         self, events: Iterable[Event], origin: float, way: Way, feedback: float
@@ -87,9 +93,13 @@ class Latches:
             count = max(1, p.multiple_z_pulse) if z_pulse else 1
             delay = p.z_pulse_arm_delay if z_pulse else 0.0
             beyond = sorted(
-                (latch for latch in self._positions[event]
-                 if delay < (latch - origin) * way <= (feedback - origin) * way),
-                key=lambda latch: latch * way)[:count]
+                (
+                    latch
+                    for latch in self._positions[event]
+                    if delay < (latch - origin) * way <= (feedback - origin) * way
+                ),
+                key=lambda latch: latch * way,
+            )[:count]
             fault = self._spacing_fault(beyond) if z_pulse else None
             if fault is not None:
                 return fault
@@ -100,7 +110,8 @@ class Latches:
                 return Fault(
                     Error.ZPulseNotFound,
                     f'no Z-pulse within {p.max_z_pulse_distance:.6g} m (max_z_pulse_distance)',
-                    'is the index wired, and its pitch shorter than the bound?')
+                    'is the index wired, and its pitch shorter than the bound?',
+                )
         return None
 
     def _spacing_fault(self, latches: Iterable[float]) -> Fault | None:
@@ -112,5 +123,6 @@ class Latches:
                 return Fault(
                     Error.ZPulseDistanceCheckError,
                     f'two Z-pulses are {apart:.6g} m apart, not {expected:.6g} m '
-                    f'+- {100 * tolerance:.3g} % (z_pulse_distance_check)')
+                    f'+- {100 * tolerance:.3g} % (z_pulse_distance_check)',
+                )
         return None

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What each limit switch of an axis means to a run: which end, which role, which action."""
 
 from collections.abc import Mapping
@@ -114,8 +115,10 @@ class LimitSwitches:
 
     def reversing(self, feedback: float) -> bool:
         """Tell whether the axis is on a limit that means the reversal, or beyond it."""
-        return any(limit.role is Role.REVERSAL and self._reached(limit, feedback)
-                   for limit in self._limits.values())
+        return any(
+            limit.role is Role.REVERSAL and self._reached(limit, feedback)
+            for limit in self._limits.values()
+        )
 
     def blocking(self, way: Way, home: bool, feedback: float) -> Limit | None:
         """Return the limit that forbids a motion that way; ``home``: to the home position."""
@@ -132,4 +135,5 @@ class LimitSwitches:
         """Tell whether the axis is on a limit, or beyond where it rose (a momentary one)."""
         rise = self._rises.get(limit.input)
         return self._on(limit.input) or (
-            rise is not None and (feedback - rise.position) * limit.way > 0.0)
+            rise is not None and (feedback - rise.position) * limit.way > 0.0
+        )

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Walks one axis through one procedure: rows, rules that hold in every row, pause, cancel.
 
 The machine reads the tables of procedures.py and commands a profile. It knows no time but what it
@@ -43,11 +44,43 @@ class Machine:
     """
 
     __slots__ = (
-        'parameters', 'procedure', 'profile', 'now', 'feedback', 'step', 'row', 'error', 'message',
-        'stopping', 'finished', 'paused', 'silent', 'servo_off', 'reference', 'arrows', 'passes',
-        'index_margin', 'warnings', 'end', '_look', '_switches', '_limits', '_target', '_dynamics',
-        '_rules', '_cause', '_found', '_leg', '_turnoff', '_further', '_reversed', '_flags',
-        '_latches', '_paused_at', '_stop_deceleration')
+        'parameters',
+        'procedure',
+        'profile',
+        'now',
+        'feedback',
+        'step',
+        'row',
+        'error',
+        'message',
+        'stopping',
+        'finished',
+        'paused',
+        'silent',
+        'servo_off',
+        'reference',
+        'arrows',
+        'passes',
+        'index_margin',
+        'warnings',
+        'end',
+        '_look',
+        '_switches',
+        '_limits',
+        '_target',
+        '_dynamics',
+        '_rules',
+        '_cause',
+        '_found',
+        '_leg',
+        '_turnoff',
+        '_further',
+        '_reversed',
+        '_flags',
+        '_latches',
+        '_paused_at',
+        '_stop_deceleration',
+    )
 
     def __init__(
         self,
@@ -77,8 +110,10 @@ class Machine:
         self._limits = LimitSwitches(parameters, switches)
         target = self.procedure.target
         self._target = parameters.limit_switch(target, Way.TOWARD) if target else None
-        self._dynamics = {row.motion.pace: Dynamics(*parameters.pace(row.motion.pace))
-                       for row in self.procedure.rows.values()}
+        self._dynamics = {
+            row.motion.pace: Dynamics(*parameters.pace(row.motion.pace))
+            for row in self.procedure.rows.values()
+        }
         self._rules = Rules(parameters, now)
 
         self._cause = Mark(feedback)
@@ -166,20 +201,27 @@ class Machine:
         velocity, action = self.profile.velocity, limit.action
         ahead, into = limit.way is Way.TOWARD, velocity * limit.way > 0.0
         acts = into or (
-            limit.role is Role.NORMAL and velocity != 0.0 and self.parameters.all_ls_during_homing)
+            limit.role is Role.NORMAL and velocity != 0.0 and self.parameters.all_ls_during_homing
+        )
         if self.stopping:
             if action and acts:
                 self._act(action)
         elif not ahead and velocity > 0.0:
             if not self._limits.bounces(switch, self.feedback):
-                self.fail(Fault(
-                    Error.LSTriggered, f'the {limit.name} rose while the axis moved toward',
-                    'are the limit inputs swapped, or is home_direction wrong?'), action)
+                self.fail(
+                    Fault(
+                        Error.LSTriggered,
+                        f'the {limit.name} rose while the axis moved toward',
+                        'are the limit inputs swapped, or is home_direction wrong?',
+                    ),
+                    action,
+                )
         elif ahead and into and self._braking:
             if action and getattr(self._cause, 'input', None) is not switch:
                 self.profile.brake_harder(action.deceleration or self.parameters.ls_dec)
         elif (acts or self._heads(limit.way)) and (
-                action or (limit.bars_home and self.row.motion.kind is Kind.HOME)):
+            action or (limit.bars_home and self.row.motion.kind is Kind.HOME)
+        ):
             again = ' for the second time in this run' if self._reversed and ahead else ''
             self.fail(Fault(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
 
@@ -255,14 +297,21 @@ class Machine:
             self._turnoff = Turnoff(self.step, cause, self._reversed, self.passes.coarse)
         if event is Event.LIMIT_AHEAD:
             if self._reversed:
-                self.fail(Fault(
-                    Error.LSTriggered, 'a limit ahead was hit for the second time in this run',
-                    'is the home switch between the limits, and does it hold its level?'))
+                self.fail(
+                    Fault(
+                        Error.LSTriggered,
+                        'a limit ahead was hit for the second time in this run',
+                        'is the home switch between the limits, and does it hold its level?',
+                    )
+                )
                 return
             self._reversed = True
             self.passes.forget()
-        if (event in (Event.LIMIT_AHEAD, Event.LS_RISES) and self.parameters.immediate_stop_at_ls
-                and self.profile.velocity * self.row.motion.way > 0.0):  # else it has turned
+        if (
+            event in (Event.LIMIT_AHEAD, Event.LS_RISES)
+            and self.parameters.immediate_stop_at_ls
+            and self.profile.velocity * self.row.motion.way > 0.0
+        ):  # else it has turned
             self.profile.freeze()
         if step is HOMED:
             self.finished = True
@@ -443,9 +492,13 @@ class Machine:
         pair = self._limits.pair_on()
         if pair is None:
             return False
-        self.fail(Fault(
-            Error.LimitsBothOn, f'{pair[0].text} and {pair[1].text} are on together',
-            'wiring, or polarity (invert_..._ls_polarity)?'))
+        self.fail(
+            Fault(
+                Error.LimitsBothOn,
+                f'{pair[0].text} and {pair[1].text} are on together',
+                'wiring, or polarity (invert_..._ls_polarity)?',
+            )
+        )
         return True
 
     # ------------------------------------------------------------------------------------ endings
@@ -477,5 +530,8 @@ def _look_of(row: Row) -> Callable[[Machine], Event | None] | None:
         if row.latches:
             return Machine._latched
         return Machine._end_detected if Event.END_DETECTED in row.on else None
-    return {Kind.FURTHER: Machine._went_further, Kind.REST: Machine._rested,
-            Kind.HOME: Machine._arrived}[kind]
+    return {
+        Kind.FURTHER: Machine._went_further,
+        Kind.REST: Machine._rested,
+        Kind.HOME: Machine._arrived,
+    }[kind]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The search for a mechanical end: when it is found, and the torque limit that it wants.
 
 Lengths in m or rad, times in s, torques in %.

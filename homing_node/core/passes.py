@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Passes over the reference: do they agree, and what is home then.
 
 Positions are in the *toward* frame, m or rad.
@@ -43,8 +44,9 @@ class Passes:
     @property
     def mean(self) -> Mark:
         """The home position that the passes give; no less certain than the worst of them."""
-        return Mark(fmean(mark.position for mark in self.fine),
-                    max(mark.uncertainty for mark in self.fine))
+        return Mark(
+            fmean(mark.position for mark in self.fine), max(mark.uncertainty for mark in self.fine)
+        )
 
     def disagreement(self) -> Fault | None:
         """Return why the passes are no home: they disagree with each other or the coarse one.
@@ -59,10 +61,12 @@ class Passes:
                     Error.EdgeNotRepeated,
                     f'the second pass found the home switch {apart:.6g} m from the first, more '
                     f'than {p.edge_agreement:.6g} m (edge_tolerance)',
-                    'noise on the switch, or late messages?')
+                    'noise on the switch, or late messages?',
+                )
         if self.range > p.repeat_agreement:
             return Fault(
                 Error.EdgeNotRepeated,
                 f'{len(self.fine)} passes spread over {self.range:.6g} m, more than '
-                f'{p.repeat_agreement:.6g} m (repeat_tolerance)')
+                f'{p.repeat_agreement:.6g} m (repeat_tolerance)',
+            )
         return None

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Jerk-limited setpoints of one axis; the only module that uses ruckig.
 
 Searches and stops use ruckig's velocity interface, moves its position interface. Everything is in
@@ -42,8 +43,19 @@ class Profile:
     tells that the last motion has reached its velocity or target; ``dynamics`` are those in use.
     """
 
-    __slots__ = ('position', 'velocity', 'acceleration', 'done', 'period',
-                 'dynamics', '_otg', '_in', '_out', '_next', '_max_jerk')
+    __slots__ = (
+        'position',
+        'velocity',
+        'acceleration',
+        'done',
+        'period',
+        'dynamics',
+        '_otg',
+        '_in',
+        '_out',
+        '_next',
+        '_max_jerk',
+    )
 
     def __init__(self, period: float, max_jerk: float, position: float = 0.0) -> None:
         self.period = period
@@ -161,9 +173,9 @@ class Profile:
         else:
             raise ArithmeticError(f'no trajectory: {fault}')
         out.pass_to_input(inp)
-        self.position, = out.new_position
-        self.velocity, = out.new_velocity
-        self.acceleration, = out.new_acceleration
+        (self.position,) = out.new_position
+        (self.velocity,) = out.new_velocity
+        (self.acceleration,) = out.new_acceleration
         if result is Result.Finished:
             self._arrive()
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Homing of several axes: groups in order, the axes of a group together.
 
 One axis that fails, is refused or was canceled stops its group; later groups are not started. A
@@ -85,8 +86,9 @@ class Request:
         if not self._waiting:
             return
         group = self._waiting[0]
-        refusals = {name: refusal for name in group
-                    if (refusal := self._refusal(name, now)) is not None}
+        refusals = {
+            name: refusal for name in group if (refusal := self._refusal(name, now)) is not None
+        }
         if refusals:
             self.outcomes.update(refusals)
             self._stop_for(next(iter(refusals)))

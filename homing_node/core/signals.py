@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stamped samples in, levels and edges with positions at their own time out.
 
 A level change becomes an :class:`Edge` once it has lasted for the debounce; its time is that of
@@ -115,7 +116,7 @@ class Track:
                 return -way
         if furthest == len(samples) - 1:
             return None
-        turn = _vertex(*samples[max(0, furthest - 1):furthest + 2])
+        turn = _vertex(*samples[max(0, furthest - 1) : furthest + 2])
         return way if time > turn else -way
 
     def near(self, time: float) -> list[Sample]:
@@ -215,8 +216,16 @@ class Edge(Mark):
         near = track.near(self.time)
         steps = [abs(newer - older) for (_, newer), (_, older) in pairwise(near)]
         interval = (near[0][0] - near[-1][0]) / len(steps)  # the mean: doubted times may bunch
-        bend = max((abs(a - 2.0 * b + c) for (_, a), (_, b), (_, c) in zip(
-            near, near[1:], near[2:], strict=False)), default=0.0) / 2.0
+        bend = (
+            max(
+                (
+                    abs(a - 2.0 * b + c)
+                    for (_, a), (_, b), (_, c) in zip(near, near[1:], near[2:], strict=False)
+                ),
+                default=0.0,
+            )
+            / 2.0
+        )
         grain = track.grain if track.grain < inf else 0.0
         doubt = track.doubt if track.doubted >= near[-1][0] else 0.0
         known = max(steps) / interval * (self.doubt + doubt) + bend + grain
@@ -232,8 +241,19 @@ class Switch:
     came before the debounce, or BOUNCE_TIME, had passed since the last one.
     """
 
-    __slots__ = ('input', 'inverted', 'debounce', 'level', 'seen', 'bounces',
-                 '_raw', '_pending', '_dropped', '_last', '_heard')
+    __slots__ = (
+        'input',
+        'inverted',
+        'debounce',
+        'level',
+        'seen',
+        'bounces',
+        '_raw',
+        '_pending',
+        '_dropped',
+        '_last',
+        '_heard',
+    )
 
     def __init__(self, switch: Input, inverted: bool = False, debounce: float = 0.0) -> None:
         self.input = switch
@@ -253,7 +273,11 @@ class Switch:
         return self._pending is not None
 
     def set(
-        self, time: float, signal: bool, arrival: float, doubt: float = 0.0,
+        self,
+        time: float,
+        signal: bool,
+        arrival: float,
+        doubt: float = 0.0,
         stamped: bool = True,
     ) -> Edge | None:
         """Take a message; return an edge that it (or the time that has passed) confirms.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which stamps can be believed. Times in s of the receiver's clock; no clock is read here.
 
 A stamp in the future, too old, or running backwards is replaced by the arrival, and one whose
@@ -31,8 +32,18 @@ class Stamps:
     its arrival is no time to home by. From then on that clock is taken for one that disagrees.
     """
 
-    __slots__ = ('limit', 'reorder', 'warning', 'replaced', 'smallest', 'offset', 'late',
-                 '_newest', '_backwards', '_jumped')
+    __slots__ = (
+        'limit',
+        'reorder',
+        'warning',
+        'replaced',
+        'smallest',
+        'offset',
+        'late',
+        '_newest',
+        '_backwards',
+        '_jumped',
+    )
 
     def __init__(self, limit: float, reorder: int = 0) -> None:
         self.limit = limit
@@ -78,8 +89,10 @@ class Stamps:
             self.offset = min(self.offset, age if sent is None else arrival - sent)
             if self.offset <= BEHIND:
                 return min(stamp, arrival), 0.0
-            self.warning = (f'messages take at least {self.offset:.3f} s, by their stamps; '
-                            'that clock was taken to be behind')
+            self.warning = (
+                f'messages take at least {self.offset:.3f} s, by their stamps; '
+                'that clock was taken to be behind'
+            )
             self.replaced += 1
             return min(stamp + self.offset, arrival), self.offset
         self.replaced += 1
@@ -88,5 +101,7 @@ class Stamps:
 
 def too_late(name: str, stamps: Stamps) -> str:
     """Tell that a message was too late."""
-    return (f'a message of {name} came {stamps.late:.3f} s late, more than {stamps.limit:g} s '
-            '(feedback_timeout)')
+    return (
+        f'a message of {name} came {stamps.late:.3f} s late, more than {stamps.limit:g} s '
+        '(feedback_timeout)'
+    )

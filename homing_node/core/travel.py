@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far and how long a motion may go: turning points, and the rules that hold in every row.
 
 No sign and no clock: positions are in the *toward* frame, m or rad, times in s are passed in.
@@ -40,11 +41,25 @@ class Leg:
     count.
     """
 
-    __slots__ = ('way', 'before', 'since', 'feedback', 'command', 'gone', 'traveled', 'against',
-                 '_sign', '_behind')
+    __slots__ = (
+        'way',
+        'before',
+        'since',
+        'feedback',
+        'command',
+        'gone',
+        'traveled',
+        'against',
+        '_sign',
+        '_behind',
+    )
 
     def __init__(
-        self, way: Way, feedback: float, command: float, since: float,
+        self,
+        way: Way,
+        feedback: float,
+        command: float,
+        since: float,
         before: 'Leg | None' = None,
     ) -> None:
         self.way, self.since = way, since
@@ -100,8 +115,10 @@ class Rules:
         self._wrong_direction = parameters.wrong_direction_limit
         self._following_error = parameters.following_error_limit
         if parameters.homes_on_mechanical_end:  # the command turns from behind the end
-            behind = (parameters.mechanical_end_detection_pos_diff
-                      + parameters.homing_velocity_slow * parameters.mechanical_end_detection_time)
+            behind = (
+                parameters.mechanical_end_detection_pos_diff
+                + parameters.homing_velocity_slow * parameters.mechanical_end_detection_time
+            )
             self._following_error = max(self._following_error, 2.0 * behind)
         self._following = self.distance = math.inf
         self._missed = ''
@@ -126,21 +143,26 @@ class Rules:
         if gone > distance or leg.traveled > distance:
             return Fault(
                 self._bound.error,
-                f'{self._missed} within {self.distance:.6g} m ({self._name})', HINTS[self._bound])
+                f'{self._missed} within {self.distance:.6g} m ({self._name})',
+                HINTS[self._bound],
+            )
         if abs(command - feedback) > self._following:
             return Fault(
                 Error.FollowingError,
                 f'command - feedback is {command - feedback:.6g} m, more than '
                 f'{self._following:.6g} m (following_error)',
-                'does the axis follow the setpoints, and does its feedback arrive?')
+                'does the axis follow the setpoints, and does its feedback arrive?',
+            )
         against, limit = leg.against, self._wrong_direction
         if gone >= limit and against > 0.5 * limit:
             return Fault(
                 Error.WrongDirection,
                 f'the feedback went {against:.6g} m against the command, which went {gone:.6g} m '
-                f'({limit:.6g} m is wrong_direction_distance)', 'is the encoder inverted?')
+                f'({limit:.6g} m is wrong_direction_distance)',
+                'is the encoder inverted?',
+            )
         if now > self.deadline:
             return Fault(
-                Error.Timeout,
-                f'not ended within {self._parameters.run_timeout:.6g} s (timeout)')
+                Error.Timeout, f'not ended within {self._parameters.run_timeout:.6g} s (timeout)'
+            )
         return None

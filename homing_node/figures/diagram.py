@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draws a home type's state diagram from its table.
 
 Rows of one home state that lead into each other are one box. An arrow that leaves a box leaves it
@@ -57,21 +58,27 @@ def arrows(procedure: Procedure) -> list[Arrow]:
     """Return the arrows between the boxes of a home type."""
     drawn = boxes(procedure)
     names = {step: box.name for box in drawn for step in box.steps} | {HOMED: END}
-    return list(dict.fromkeys(
-        Arrow(box.name, names[target], str(event))
-        for box in drawn
-        for step in box.steps
-        for event, target in procedure.rows[step].on.items()
-        if target not in box.steps))
+    return list(
+        dict.fromkeys(
+            Arrow(box.name, names[target], str(event))
+            for box in drawn
+            for step in box.steps
+            for event, target in procedure.rows[step].on.items()
+            if target not in box.steps
+        )
+    )
 
 
 def bounds(procedure: Procedure) -> list[Arrow]:
     """Return the arrows from the boxes of a home type to the errors that its bounds give."""
-    return list(dict.fromkeys(
-        Arrow(box.name, str(row.bound.error), str(row.bound))
-        for box in boxes(procedure)
-        for row in (procedure.rows[step] for step in box.steps)
-        if row.motion.kind is Kind.SEARCH))
+    return list(
+        dict.fromkeys(
+            Arrow(box.name, str(row.bound.error), str(row.bound))
+            for box in boxes(procedure)
+            for row in (procedure.rows[step] for step in box.steps)
+            if row.motion.kind is Kind.SEARCH
+        )
+    )
 
 
 def mermaid(procedure: Procedure, only: Collection[State] = ()) -> str:
@@ -119,5 +126,7 @@ def _mermaid_box(procedure: Procedure, box: Box) -> Iterator[str]:
 def motions(procedure: Procedure, box: Box) -> list[str]:
     """Return what the axis does in each row of a box; rows that do the same tell their phase."""
     texts = [procedure.rows[step].motion.text for step in box.steps]
-    return [f'{text} ({step.phase})' if step.phase and texts.count(text) > 1 else text
-            for step, text in zip(box.steps, texts, strict=True)]
+    return [
+        f'{text} ({step.phase})' if step.phase and texts.count(text) > 1 else text
+        for step, text in zip(box.steps, texts, strict=True)
+    ]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draws a home type's state diagram as SVG.
 
 The normal path goes down the middle. Beside the boxes that lead there stand, on the left, what
@@ -75,8 +76,13 @@ def svg(procedure: Procedure) -> str:
     parts.append(_homed(places[END]))
     width = max(place.right for place in places.values()) + MARGIN
     height = max(place.bottom for place in places.values()) + MARGIN
-    head = HEAD.format(width=width, height=height, size=SIZE, ink=INK,
-                       title=f'State diagram of {procedure.home_type}')
+    head = HEAD.format(
+        width=width,
+        height=height,
+        size=SIZE,
+        ink=INK,
+        title=f'State diagram of {procedure.home_type}',
+    )
     return head + '\n'.join(parts) + '\n</svg>\n'
 
 
@@ -87,13 +93,21 @@ def _columns(first: str, names: Iterable[str], links: list[Arrow]) -> Columns:
     """Put the normal path into the middle, the reversal right of it, and the rest left."""
     middle = [first]
     while middle[-1] != END:
-        middle.append(next(
-            link.target for link in links
-            if link.source == middle[-1] and link.target not in middle
-            and link.label not in CONDITIONS))
+        middle.append(
+            next(
+                link.target
+                for link in links
+                if link.source == middle[-1]
+                and link.target not in middle
+                and link.label not in CONDITIONS
+            )
+        )
     aside = [name for name in names if name not in middle]
-    right = [name for name in aside
-             if any(link.target == name and link.label == Event.LIMIT_AHEAD for link in links)]
+    right = [
+        name
+        for name in aside
+        if any(link.target == name and link.label == Event.LIMIT_AHEAD for link in links)
+    ]
     return Columns([name for name in aside if name not in right], middle, right)
 
 
@@ -119,7 +133,7 @@ def _places(
 
 
 def _top(name: str, column: list[str], sizes: dict[str, tuple[float, float]]) -> float:
-    above = column[:column.index(name)]
+    above = column[: column.index(name)]
     return MARGIN + BETWEEN + sum(sizes[each][1] + BETWEEN for each in above)
 
 
@@ -135,8 +149,12 @@ def _size(procedure: Procedure, box: Box) -> tuple[float, float]:
 
 def _failures(procedure: Procedure, box: Box) -> list[str]:
     """Return the lines that tell what bounds the searches of a box."""
-    return [line for source, error, bound in bounds(procedure) if source == box.name
-            for line in (f'beyond {bound}:', error)]
+    return [
+        line
+        for source, error, bound in bounds(procedure)
+        if source == box.name
+        for line in (f'beyond {bound}:', error)
+    ]
 
 
 def _inner_arrows(procedure: Procedure, box: Box) -> Iterator[tuple[int, int, str]]:
@@ -150,16 +168,32 @@ def _inner_arrows(procedure: Procedure, box: Box) -> Iterator[tuple[int, int, st
 # --------------------------------------------------------------------------------- what is drawn
 
 
-def _text(x: float, y: float, text: str, *, anchor: str = 'middle', size: float = SIZE,
-          colour: str = INK, bold: bool = False) -> str:
+def _text(
+    x: float,
+    y: float,
+    text: str,
+    *,
+    anchor: str = 'middle',
+    size: float = SIZE,
+    colour: str = INK,
+    bold: bool = False,
+) -> str:
     weight = ' font-weight="bold"' if bold else ''
-    return (f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" font-size="{size:g}" '
-            f'fill="{colour}"{weight}>{escape(text)}</text>')
+    return (
+        f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" font-size="{size:g}" '
+        f'fill="{colour}"{weight}>{escape(text)}</text>'
+    )
 
 
 def _label(x: float, y: float, text: str, *, left: bool) -> str:
-    return _text(x - 7 if left else x + 7, y, text, anchor='end' if left else 'start', size=SMALL,
-                 colour=DARK_GREY)
+    return _text(
+        x - 7 if left else x + 7,
+        y,
+        text,
+        anchor='end' if left else 'start',
+        size=SMALL,
+        colour=DARK_GREY,
+    )
 
 
 def _line(*points: tuple[float, float]) -> str:
@@ -168,34 +202,44 @@ def _line(*points: tuple[float, float]) -> str:
 
 
 def _dot(first: Place) -> str:
-    return (f'<circle cx="{first.middle:g}" cy="{MARGIN + 7:g}" r="7" fill="{INK}"/>'
-            + _line((first.middle, MARGIN + 14), (first.middle, first.y)))
+    return f'<circle cx="{first.middle:g}" cy="{MARGIN + 7:g}" r="7" fill="{INK}"/>' + _line(
+        (first.middle, MARGIN + 14), (first.middle, first.y)
+    )
 
 
 def _homed(end: Place) -> str:
     x, y = end.middle, end.y + 8
-    return (f'<circle cx="{x:g}" cy="{y:g}" r="8" fill="white" stroke="{INK}"/>'
-            f'<circle cx="{x:g}" cy="{y:g}" r="4.5" fill="{INK}"/>'
-            + _text(x + 14, y + 4.5, 'homed', anchor='start'))
+    return (
+        f'<circle cx="{x:g}" cy="{y:g}" r="8" fill="white" stroke="{INK}"/>'
+        f'<circle cx="{x:g}" cy="{y:g}" r="4.5" fill="{INK}"/>'
+        + _text(x + 14, y + 4.5, 'homed', anchor='start')
+    )
 
 
 def _box(procedure: Procedure, box: Box, place: Place) -> Iterator[str]:
     x, y, width, height = place
     colour = state_colour(box.steps[0].state)
-    yield (f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="6" '
-           f'fill="{colour}"/>')
-    yield (f'<path d="M{x:g} {y + BAR:g}h{width:g}v{height - BAR - 6:g}a6 6 0 0 1-6 6'
-           f'h{12 - width:g}a6 6 0 0 1-6-6z" fill="white"/>')
-    yield (f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="6" fill="none" '
-           f'stroke="{GREY}"/>')
+    yield (
+        f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="6" fill="{colour}"/>'
+    )
+    yield (
+        f'<path d="M{x:g} {y + BAR:g}h{width:g}v{height - BAR - 6:g}a6 6 0 0 1-6 6'
+        f'h{12 - width:g}a6 6 0 0 1-6-6z" fill="white"/>'
+    )
+    yield (
+        f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="6" fill="none" '
+        f'stroke="{GREY}"/>'
+    )
     yield _text(place.middle, y + 17, box.title, bold=True)
     several = len(box.steps) > 1
     top = y + BAR + (PAD if several else 0.0)
     for row, text in enumerate(motions(procedure, box)):
         level = top + row * (ROW + INSIDE)
         if several:
-            yield (f'<rect x="{x + PAD:g}" y="{level:g}" width="{width - 2 * PAD:g}" '
-                   f'height="{ROW:g}" rx="4" fill="#f6f6f6" stroke="{GREY}"/>')
+            yield (
+                f'<rect x="{x + PAD:g}" y="{level:g}" width="{width - 2 * PAD:g}" '
+                f'height="{ROW:g}" rx="4" fill="#f6f6f6" stroke="{GREY}"/>'
+            )
         yield _text(place.middle, level + 16.5, text)
     inner = list(_inner_arrows(procedure, box))
     for source, target, label in inner:
@@ -207,13 +251,12 @@ def _box(procedure: Procedure, box: Box, place: Place) -> Iterator[str]:
         yield _label(place.middle + shift, level + INSIDE / 2 + 4, label, left=shift < 0.0)
     failures = _failures(procedure, box)
     for line, text in enumerate(reversed(failures)):
-        yield _text(place.middle, place.bottom - 7 - line * LINE, text, size=SMALL,
-                    colour=DARK_VERMILLION)
+        yield _text(
+            place.middle, place.bottom - 7 - line * LINE, text, size=SMALL, colour=DARK_VERMILLION
+        )
 
 
-def _vertical(
-    columns: Columns, links: list[Arrow], places: dict[str, Place]
-) -> Iterator[str]:
+def _vertical(columns: Columns, links: list[Arrow], places: dict[str, Place]) -> Iterator[str]:
     """Draw the arrows between neighbours in the middle column."""
     for upper, lower in pairwise(columns.middle):
         between = [link for link in links if {link.source, link.target} == {upper, lower}]
@@ -231,9 +274,12 @@ def _sideways(
     """Draw the arrows between the middle column and the one on a side of it."""
     for name in middle:
         here = places[name]
-        own = [link for link in links
-               if name in (link.source, link.target)
-               and (link.source in aside or link.target in aside)]
+        own = [
+            link
+            for link in links
+            if name in (link.source, link.target)
+            and (link.source in aside or link.target in aside)
+        ]
         for n, link in enumerate(own):
             there = places[link.target if link.source == name else link.source]
             y = here.y + BAR / 2 + n * ROW

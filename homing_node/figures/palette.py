@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The colours of all pictures; the colour-blind tell them apart, and so does a grey print."""
 
 from ..procedures.states import State

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draws a course as the manual does: the position diagram and the profile.
 
 The home states are coloured bands behind all panels, named above them; the switches are bands
@@ -148,9 +149,18 @@ def figure(
         if panel is Panel.POSITION:
             legend = _draw_position(one, course, layout, begin, view, scale)
             sheet.legend(
-                handles=legend, loc='lower left', bbox_to_anchor=(LEFT / WIDTH, 0.03 / height),
-                ncols=len(legend), frameon=False, fontsize=SMALL, handlelength=1.5,
-                handletextpad=0.5, columnspacing=1.4, borderaxespad=0.0, borderpad=0.0)
+                handles=legend,
+                loc='lower left',
+                bbox_to_anchor=(LEFT / WIDTH, 0.03 / height),
+                ncols=len(legend),
+                frameon=False,
+                fontsize=SMALL,
+                handlelength=1.5,
+                handletextpad=0.5,
+                columnspacing=1.4,
+                borderaxespad=0.0,
+                borderpad=0.0,
+            )
         else:
             _draw_rate(one, panel, samples, begin, scale)
         one.tick_params(labelbottom=panel is panels[-1])
@@ -186,8 +196,10 @@ def _bands(samples: Sequence[Sample]) -> Iterator[Band]:
     if not samples:
         return
     begin = samples[0].time
-    starts = [(state, next(stretch).time - begin)
-              for state, stretch in groupby(samples, key=lambda sample: sample.state)]
+    starts = [
+        (state, next(stretch).time - begin)
+        for state, stretch in groupby(samples, key=lambda sample: sample.state)
+    ]
     ends = [*(start for _, start in starts[1:]), samples[-1].time - begin]
     for (state, start), end in zip(starts, ends, strict=True):
         if state != State.Idle:
@@ -199,8 +211,9 @@ def _view(course: Course, layout: AxisLayout | None) -> tuple[float, float]:
 
     A course that is short against its axis is shown closely.
     """
-    positions = [position for sample in course.samples
-                 for position in (sample.position, sample.feedback)]
+    positions = [
+        position for sample in course.samples for position in (sample.position, sample.feedback)
+    ]
     low, high = min(positions, default=0.0), max(positions, default=0.0)
     close, first, last = True, -inf, inf
     if layout is not None:
@@ -213,8 +226,10 @@ def _view(course: Course, layout: AxisLayout | None) -> tuple[float, float]:
         low, high = (low, high) if close else (lowest, highest)
     little = 0.06 * (high - low) or 0.001
     margin = 4 * little if close else little
-    return (max(low - margin, min(low, first) - little),
-            min(high + margin, max(high, last) + little))
+    return (
+        max(low - margin, min(low, first) - little),
+        min(high + margin, max(high, last) + little),
+    )
 
 
 def _switch_edges(
@@ -230,8 +245,11 @@ def _switch_edges(
 def _time_of_home(course: Course, home: float, begin: float, span: float) -> float:
     """Return when the axis was at its home position for the first pass of it that counted."""
     shift = next((s.time for s in course.samples if s.state == State.HomeShift), begin)
-    at_home = [time for time, _, _, position in course.happenings
-               if begin <= time <= shift and abs(position - home) <= 1e-3 * span]
+    at_home = [
+        time
+        for time, _, _, position in course.happenings
+        if begin <= time <= shift and abs(position - home) <= 1e-3 * span
+    ]
     return max(at_home, default=shift) - begin
 
 
@@ -264,8 +282,9 @@ def _place_names(bands: Sequence[Band], end: float) -> list[Name]:
     strokes = [middle for middle, fits in zip(middles, inside, strict=True) if not fits]
     names: list[Name] = []
     taken: list[tuple[int, float, float, float]] = []  # line, left and right end, stroke
-    for middle, width, fits in zip(reversed(middles), reversed(widths), reversed(inside),
-                                   strict=True):
+    for middle, width, fits in zip(
+        reversed(middles), reversed(widths), reversed(inside), strict=True
+    ):
         if fits:
             names.append(Name(middle, 0))
             continue
@@ -276,10 +295,11 @@ def _place_names(bands: Sequence[Band], end: float) -> list[Name]:
             for left in (max(0.0, middle - width / 2), middle)
             if left + width <= end + RIGHT * POINTS * point
             and not any(left < stroke < left + width for stroke in strokes)
-            and not any(left < stroke < left + width for line, _, _, stroke in taken
-                        if line > level)
-            and not any(left < b and a < left + width for line, a, b, _ in taken
-                        if line == level))
+            and not any(
+                left < stroke < left + width for line, _, _, stroke in taken if line > level
+            )
+            and not any(left < b and a < left + width for line, a, b, _ in taken if line == level)
+        )
         taken.append((level, left, left + width, middle))
         names.append(Name(left + width / 2, level))
     return names[::-1]
@@ -294,8 +314,13 @@ def _draw_names(strip: Axes, bands: Sequence[Band], names: Sequence[Name]) -> No
         strip.text(name.middle, y, band.state, size=SMALL, color=INK, ha='center', va='center')
         if name.level:
             middle = (band.begin + band.end) / 2
-            strip.plot([middle, middle], [0.5, 1.1 + (name.level - 0.9) * line],
-                       color=INK, lw=0.5, clip_on=False)
+            strip.plot(
+                [middle, middle],
+                [0.5, 1.1 + (name.level - 0.9) * line],
+                color=INK,
+                lw=0.5,
+                clip_on=False,
+            )
 
 
 # ---------------------------------------------------------------------------- the axis's picture
@@ -324,16 +349,31 @@ def _draw_position(
     times = [sample.time - begin for sample in samples]
     apart = max((abs(s.position - s.feedback) for s in samples), default=0.0)
     if apart > 0.03 * (view[1] - view[0]):
-        legend += axes.plot(times, [s.position * k for s in samples], color=INK, lw=0.9,
-                            ls=(0, (3, 2)), zorder=4, label='command')
+        legend += axes.plot(
+            times,
+            [s.position * k for s in samples],
+            color=INK,
+            lw=0.9,
+            ls=(0, (3, 2)),
+            zorder=4,
+            label='command',
+        )
     axes.plot(times, [s.feedback * k for s in samples], color=INK, lw=1.5, zorder=5)
 
     edges = list(_switch_edges(course, layout, begin))
     for on, face, text in ((True, INK, 'switch turns on'), (False, 'white', 'switch turns off')):
         points = [(time, position * k) for time, position, which in edges if which is on]
         if points:
-            legend += axes.plot(*zip(*points, strict=True), 'o', ms=4.5, mfc=face, mec=INK,
-                                mew=0.9, zorder=6, label=text)
+            legend += axes.plot(
+                *zip(*points, strict=True),
+                'o',
+                ms=4.5,
+                mfc=face,
+                mec=INK,
+                mew=0.9,
+                zorder=6,
+                label=text,
+            )
     if samples:
         start = samples[0].feedback * k
         axes.plot(0.0, start, '>', ms=6, color=INK, clip_on=False, zorder=7)
@@ -352,8 +392,15 @@ def _draw_axis(
     low, high = layout.hard_stops
     for stop, beyond in ((low, view[0]), (high, view[1])):
         if view[0] < stop < view[1]:
-            axes.axhspan(stop * k, beyond * k, facecolor=LIGHT_GREY, edgecolor=GREY, lw=0.0,
-                         hatch='//////', zorder=2)
+            axes.axhspan(
+                stop * k,
+                beyond * k,
+                facecolor=LIGHT_GREY,
+                edgecolor=GREY,
+                lw=0.0,
+                hatch='//////',
+                zorder=2,
+            )
             axes.axhline(stop * k, color=INK, lw=1.2, zorder=3)
             yield Label(stop * k, 'hard stop', DARK_GREY)
     for name, flag in layout.switches.items():
@@ -383,8 +430,10 @@ def _draw_index(
     pitch, offset = layout.index_pitch, layout.index_offset
     if not pitch or (view[1] - view[0]) / pitch > MARKS:
         return []
-    marks = [offset + n * pitch for n in range(ceil((view[0] - offset) / pitch),
-                                               floor((view[1] - offset) / pitch) + 1)]
+    marks = [
+        offset + n * pitch
+        for n in range(ceil((view[0] - offset) / pitch), floor((view[1] - offset) / pitch) + 1)
+    ]
     marks = [mark * k for mark in marks if layout.hard_stops[0] <= mark <= layout.hard_stops[1]]
     for mark in marks:
         axes.axhline(mark, color=DARK_PURPLE, lw=0.7, ls=(0, (1, 3)), zorder=2)
@@ -408,14 +457,32 @@ def _draw_outcome(
     if not outcome.success:
         last = samples[-1]
         legend += axes.plot(
-            last.time - begin, last.feedback * k, 'X', ms=8, mfc=VERMILLION, mec=INK, mew=0.6,
-            clip_on=False, zorder=8, label=str(outcome.error))
+            last.time - begin,
+            last.feedback * k,
+            'X',
+            ms=8,
+            mfc=VERMILLION,
+            mec=INK,
+            mew=0.6,
+            clip_on=False,
+            zorder=8,
+            label=str(outcome.error),
+        )
         return
     home = outcome.home_position_raw
     time = _time_of_home(course, home, begin, view[1] - view[0])
     axes.axhline(home * k, color=DARK_GREEN, lw=1.0, ls=(0, (5, 2)), zorder=4)
-    legend += axes.plot(time, home * k, 'D', ms=7.5, mfc=GREEN, mec='white', mew=1.0, zorder=8,
-                        label='home position taken')
+    legend += axes.plot(
+        time,
+        home * k,
+        'D',
+        ms=7.5,
+        mfc=GREEN,
+        mec='white',
+        mew=1.0,
+        zorder=8,
+        label='home position taken',
+    )
     yield Label(home * k, f'home {home * k:.3f} {scale.unit}', DARK_GREEN)
 
 
@@ -426,11 +493,24 @@ def _draw_labels(axes: Axes, labels: Sequence[Label], low: float, high: float) -
     spread = _spread([(label.height - low) * points for label in ordered], LINE)
     for label, place in zip(ordered, spread, strict=True):
         axes.annotate(
-            label.text, (1.0, label.height), xycoords=('axes fraction', 'data'),
-            xytext=(14.0, place - (label.height - low) * points), textcoords='offset points',
-            size=SMALL, color=label.colour, va='center', annotation_clip=False,
-            arrowprops={'arrowstyle': '-', 'color': label.colour, 'lw': 0.6,
-                        'shrinkA': 0.0, 'shrinkB': 0.0, 'relpos': (0.0, 0.5)})
+            label.text,
+            (1.0, label.height),
+            xycoords=('axes fraction', 'data'),
+            xytext=(14.0, place - (label.height - low) * points),
+            textcoords='offset points',
+            size=SMALL,
+            color=label.colour,
+            va='center',
+            annotation_clip=False,
+            arrowprops={
+                'arrowstyle': '-',
+                'color': label.colour,
+                'lw': 0.6,
+                'shrinkA': 0.0,
+                'shrinkB': 0.0,
+                'relpos': (0.0, 0.5),
+            },
+        )
 
 
 def _spread(heights: Sequence[float], gap: float) -> list[float]:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Saves a course in one file and reads it again: `.npz` (NumPy) or `.csv` (for spreadsheets).
 
 Both keep every number to its last bit, and nothing in them is code. The columns of a CSV are
@@ -57,13 +58,20 @@ def save(path: str | PathLike[str], course: Course, title: str = '', unit: str =
         samples, happenings = course.samples, course.happenings
         with path.open('wb') as file:
             np.savez_compressed(
-                file, allow_pickle=False, about=np.array(json.dumps(_about(course, title, unit))),
+                file,
+                allow_pickle=False,
+                about=np.array(json.dumps(_about(course, title, unit))),
                 state=np.array([sample.state for sample in samples], dtype=np.str_),
                 input=np.array([each.input for each in happenings], dtype=np.str_),
-                happenings=np.array([(each.time, float(each.value), each.position)
-                                     for each in happenings], dtype=float).reshape(-1, 3),
-                **{name: np.array([getattr(sample, name) for sample in samples], dtype=float)
-                   for name in REALS})
+                happenings=np.array(
+                    [(each.time, float(each.value), each.position) for each in happenings],
+                    dtype=float,
+                ).reshape(-1, 3),
+                **{
+                    name: np.array([getattr(sample, name) for sample in samples], dtype=float)
+                    for name in REALS
+                },
+            )
     else:
         raise ValueError(f'{path}: a course is saved as .npz or .csv')
 
@@ -92,8 +100,12 @@ def _about(course: Course, title: str, unit: str) -> dict[str, Any]:
         'title': title,
         'unit': unit,
         'outcome': None if outcome is None else {**outcome._asdict(), 'error': str(outcome.error)},
-        'arrows': [[*map(str, step), str(event)] if isinstance(step, Step) else
-                   [str(step), '', str(event)] for step, event in course.arrows],
+        'arrows': [
+            [*map(str, step), str(event)]
+            if isinstance(step, Step)
+            else [str(step), '', str(event)]
+            for step, event in course.arrows
+        ],
     }
 
 
@@ -104,10 +116,10 @@ def _course(about: Mapping[str, Any], samples: list[Sample], found: list[Happeni
     if unit not in UNITS:
         raise ValueError(f'the unit {unit!r} is none of {", ".join(UNITS)}')
     told = about['outcome']
-    outcome = told and Outcome(**{
-        **told, 'error': Error(told['error']), 'warnings': tuple(told.get('warnings', ()))})
-    arrows = [(Step(State(state), phase), Event(event))
-              for state, phase, event in about['arrows']]
+    outcome = told and Outcome(
+        **{**told, 'error': Error(told['error']), 'warnings': tuple(told.get('warnings', ()))}
+    )
+    arrows = [(Step(State(state), phase), Event(event)) for state, phase, event in about['arrows']]
     return Record(Course(samples, found, outcome, arrows), about['title'], unit)
 
 
@@ -119,10 +131,15 @@ def _happening(time: float, name: str, value: float, position: float) -> Happeni
 def _from_arrays(file: Mapping[str, Any]) -> Record:
     states = [str(state) for state in file['state']]
     columns = [file[name].tolist() for name in REALS]
-    samples = [Sample(time, state, *rest)
-               for state, time, *rest in zip(states, *columns, strict=True)]
-    found = [_happening(time, str(name), value, position) for name, (time, value, position)
-             in zip(file['input'], file['happenings'].tolist(), strict=True)]
+    samples = [
+        Sample(time, state, *rest) for state, time, *rest in zip(states, *columns, strict=True)
+    ]
+    found = [
+        _happening(time, str(name), value, position)
+        for name, (time, value, position) in zip(
+            file['input'], file['happenings'].tolist(), strict=True
+        )
+    ]
     return _course(json.loads(str(file['about'])), samples, found)
 
 
@@ -133,27 +150,39 @@ def _csv(course: Course, title: str, unit: str) -> str:
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(COLUMNS)
     rows: list[tuple[float, list[object]]] = [
-        (sample.time, [*sample, '', '']) for sample in course.samples]
-    rows += [(each.time, [each.time, '', each.position, '', '', '', each.input,
-                          float(each.value)]) for each in course.happenings]
+        (sample.time, [*sample, '', '']) for sample in course.samples
+    ]
+    rows += [
+        (each.time, [each.time, '', each.position, '', '', '', each.input, float(each.value)])
+        for each in course.happenings
+    ]
     rows.sort(key=lambda row: row[0])
-    writer.writerows([repr(cell) if isinstance(cell, float) else cell for cell in row]
-                     for _, row in rows)
+    writer.writerows(
+        [repr(cell) if isinstance(cell, float) else cell for cell in row] for _, row in rows
+    )
     return text.getvalue()
 
 
 def _from_csv(text: str) -> Record:
     lines = text.splitlines()
     head = [line for line in lines if line.startswith('#')]
-    about = {name.strip('# '): json.loads(value)
-             for name, _, value in (line.partition(': ') for line in head)}
+    about = {
+        name.strip('# '): json.loads(value)
+        for name, _, value in (line.partition(': ') for line in head)
+    }
     samples: list[Sample] = []
     found: list[Happening] = []
     for number, row in _rows(lines, len(head)):
         try:
             if row['input']:
-                found.append(_happening(float(row['time']), row['input'], float(row['value']),
-                                        float(row['position'])))
+                found.append(
+                    _happening(
+                        float(row['time']),
+                        row['input'],
+                        float(row['value']),
+                        float(row['position']),
+                    )
+                )
             else:
                 reals = {name: float(row[name]) for name in REALS}
                 samples.append(Sample(state=row['state'], **reals))

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters of an axis: one frozen dataclass that everything else derives from.
 
 ROS descriptors, the YAML loader, the reference table and the cross-checks all read the fields of
@@ -72,17 +73,21 @@ class AxisParameters:
 
     home_type: HomeType = _parameter(HomeType, REQUIRED, 'how the axis homes')
     home_direction: Direction = _parameter(
-        Direction, Direction.Positive, 'homing direction in raw coordinates')
+        Direction, Direction.Positive, 'homing direction in raw coordinates'
+    )
     joint: str = _parameter(
-        str, '', "joint in joint_states and in the setpoints ('': the axis's name)")
+        str, '', "joint in joint_states and in the setpoints ('': the axis's name)"
+    )
     travel: float = _positive(REQUIRED, 'm', 'mechanical travel of the axis')
 
     homing_velocity_fast: float = _positive(
-        0.05, 'm/s', 'velocity of switch searches and reversals')
+        0.05, 'm/s', 'velocity of switch searches and reversals'
+    )
     homing_velocity_fast_acc: float = _positive(0.5, 'm/s^2', 'acceleration of the fast profile')
     homing_velocity_fast_dec: float = _positive(0.5, 'm/s^2', 'deceleration of the fast profile')
     homing_velocity_slow: float = _positive(
-        0.005, 'm/s', 'velocity at which a reference is taken after a coarse pass or on a latch')
+        0.005, 'm/s', 'velocity at which a reference is taken after a coarse pass or on a latch'
+    )
     homing_velocity_slow_acc: float = _positive(0.5, 'm/s^2', 'acceleration of the slow profile')
     homing_velocity_slow_dec: float = _positive(0.5, 'm/s^2', 'deceleration of the slow profile')
     homing_reverse_distance: float = _distance(0.0, 'further away after a switch was cleared')
@@ -90,9 +95,11 @@ class AxisParameters:
     home_shift_acc: float = _positive(0.5, 'm/s^2', 'acceleration of the final move')
     home_shift_dec: float = _positive(0.5, 'm/s^2', 'deceleration of the final move')
     home_shift_distance: float = _parameter(
-        float, 0.0, 'final move past the home position, along the homing direction', 'm')
+        float, 0.0, 'final move past the home position, along the homing direction', 'm'
+    )
     home_position: float = _parameter(
-        float, 0.0, 'what the axis reads at the end of the final move', 'm')
+        float, 0.0, 'what the axis reads at the end of the final move', 'm'
+    )
     max_jerk: float = _positive(10.0, 'm/s^3', 'jerk of every profile')
 
     invert_hs_polarity: bool = _inversion('home switch')
@@ -104,34 +111,49 @@ class AxisParameters:
     invert_external_negative_ls_polarity: bool = _inversion('external negative limit switch')
 
     multiple_z_pulse: int = _parameter(
-        int, 0, 'take the n-th Z-pulse (0 and 1: the first)', minimum=0, maximum=1_000_000)
+        int, 0, 'take the n-th Z-pulse (0 and 1: the first)', minimum=0, maximum=1_000_000
+    )
     z_pulse_distance_check: float = _distance(
-        0.0, 'expected distance between Z-pulses (0: not checked)')
+        0.0, 'expected distance between Z-pulses (0: not checked)'
+    )
     z_pulse_distance_tolerance: float = _parameter(
-        float, 0.05, 'relative tolerance of z_pulse_distance_check', minimum=0.0, maximum=1.0)
+        float, 0.05, 'relative tolerance of z_pulse_distance_check', minimum=0.0, maximum=1.0
+    )
     max_z_pulse_distance: float = _distance(
-        0.0, 'bound from the arming edge to the Z-pulse (0: only the search bound)')
+        0.0, 'bound from the arming edge to the Z-pulse (0: only the search bound)'
+    )
 
     z_pulse_arm_delay: float = _distance(
-        0.0, 'how far beyond the arming edge a Z-pulse must lie to count')
+        0.0, 'how far beyond the arming edge a Z-pulse must lie to count'
+    )
     index_margin: float = _parameter(
-        float, 0.1, 'least distance of the arming edge from a Z-pulse, as a fraction of the pitch',
-        minimum=0.0, maximum=0.5)
+        float,
+        0.1,
+        'least distance of the arming edge from a Z-pulse, as a fraction of the pitch',
+        minimum=0.0,
+        maximum=0.5,
+    )
     index_margin_action: IndexMarginAction = _parameter(
-        IndexMarginAction, IndexMarginAction.Warn, 'what to do below index_margin')
+        IndexMarginAction, IndexMarginAction.Warn, 'what to do below index_margin'
+    )
 
     max_hs_on_at_start_reverse_distance: float = _distance(
-        0.0, 'bound for clearing a home switch that is on at start (0: only the search bound)')
+        0.0, 'bound for clearing a home switch that is on at start (0: only the search bound)'
+    )
     max_ls_reverse_distance: float = _distance(
-        0.0, 'bound for the reversal from a limit switch (0: only the search bound)')
+        0.0, 'bound for the reversal from a limit switch (0: only the search bound)'
+    )
     max_search_distance: float = _distance(0.0, 'bound of any one search (0: 1.1 x travel)')
     timeout: float = _duration(
-        0.0, 'bound of a whole run (0: computed from the bounds and speeds, + 50 %)')
+        0.0, 'bound of a whole run (0: computed from the bounds and speeds, + 50 %)'
+    )
 
     immediate_stop_at_ls: bool = _flag(
-        False, 'where a limit is the reversal or the reference, the command freezes at its edge')
+        False, 'where a limit is the reversal or the reference, the command freezes at its edge'
+    )
     open_loop_homing: bool = _flag(
-        False, 'take the commanded instead of the feedback position at switch edges')
+        False, 'take the commanded instead of the feedback position at switch edges'
+    )
     pause_mode: bool = _flag(False, 'pause before each reversal until `continue`')
 
     ls_type: LSType = _ls_type(LSType.Dec, 'action of the hardware limit switches')
@@ -140,9 +162,11 @@ class AxisParameters:
     ls_dec: float = _positive(1.0, 'm/s^2', 'deceleration at limits, faults and emergency stop')
     ls_slow_dec: float = _positive(0.5, 'm/s^2', 'deceleration of the SlowDec actions')
     all_ls_during_homing: bool = _flag(
-        False, 'limit switches act whatever the direction of motion')
+        False, 'limit switches act whatever the direction of motion'
+    )
     ls_direction: LSDirection = _parameter(
-        LSDirection, LSDirection.Normal, 'Reverse swaps the positive and negative limit inputs')
+        LSDirection, LSDirection.Normal, 'Reverse swaps the positive and negative limit inputs'
+    )
     near_ls_type: LSType = _ls_type(LSType.none, 'action of the near limit switches')
     near_positive_ls_type: LSType = _separate_ls_type('near positive')
     near_negative_ls_type: LSType = _separate_ls_type('near negative')
@@ -151,47 +175,58 @@ class AxisParameters:
     external_negative_ls_type: LSType = _separate_ls_type('external negative')
 
     mechanical_end_detection_pos_diff: float = _distance(
-        0.0, 'command minus feedback that means the mechanical end')
-    mechanical_end_detection_time: float = _duration(
-        0.0, 'how long it must be exceeded')
+        0.0, 'command minus feedback that means the mechanical end'
+    )
+    mechanical_end_detection_time: float = _duration(0.0, 'how long it must be exceeded')
     mechanical_end_detection_ignore_ls: bool = _flag(
-        False, 'limit switches ahead are ignored while searching the mechanical end')
+        False, 'limit switches ahead are ignored while searching the mechanical end'
+    )
     mechanical_end_detection_first_torque_limit: float = _parameter(
-        float, 0.0, 'torque limit while searching the end (0: none)', '%', minimum=0.0)
+        float, 0.0, 'torque limit while searching the end (0: none)', '%', minimum=0.0
+    )
     mechanical_end_detection_second_torque_limit: float = _parameter(
-        float, 0.0, 'torque limit once the end was touched (0: the first)', '%', minimum=0.0)
+        float, 0.0, 'torque limit once the end was touched (0: the first)', '%', minimum=0.0
+    )
 
     switches: tuple[Input, ...] = _parameter(
         tuple,
         (Input.HOME_SWITCH, Input.POSITIVE_LIMIT_SWITCH, Input.NEGATIVE_LIMIT_SWITCH),
-        'the inputs that are wired')
+        'the inputs that are wired',
+    )
     switch_debounce: float = _duration(0.0, 'how long a level must last to be believed')
     switch_timeout: float = _duration(
-        0.0, 'largest age of a periodically published switch (0: published on change only)')
+        0.0, 'largest age of a periodically published switch (0: published on change only)'
+    )
     switch_latency: float = _duration(
-        0.0, "the switch driver's own delay before publishing, taken off the edge's time")
+        0.0, "the switch driver's own delay before publishing, taken off the edge's time"
+    )
     switch_stamp_error: float = _duration(
-        0.002, "how far a switch's stamp may be from its edge; for `uncertainty`")
+        0.002, "how far a switch's stamp may be from its edge; for `uncertainty`"
+    )
     feedback_timeout: float = _positive(0.2, 's', 'largest age of the feedback')
 
     following_error: float = _distance(
-        0.0, 'largest |command - feedback| (0: homing_velocity_fast x 0.5 s)')
+        0.0, 'largest |command - feedback| (0: homing_velocity_fast x 0.5 s)'
+    )
     wrong_direction_distance: float = _distance(
-        0.0, 'commanded distance after which the feedback must not go the other way '
-             '(0: 1 % of travel)')
+        0.0,
+        'commanded distance after which the feedback must not go the other way (0: 1 % of travel)',
+    )
     edge_tolerance: float = _distance(
-        0.0, 'how far the second pass may be from the first '
-             '(0: homing_velocity_fast x 0.005 s)')
+        0.0, 'how far the second pass may be from the first (0: homing_velocity_fast x 0.005 s)'
+    )
 
     repeat: int = _parameter(
-        int, 1, 'number of slow passes over the reference; home is their mean', minimum=1,
-        maximum=100)
-    repeat_tolerance: float = _distance(
-        0.0, 'largest spread of the passes (0: edge_tolerance)')
+        int,
+        1,
+        'number of slow passes over the reference; home is their mean',
+        minimum=1,
+        maximum=100,
+    )
+    repeat_tolerance: float = _distance(0.0, 'largest spread of the passes (0: edge_tolerance)')
 
     clear_home_done_on_servo_off: bool = _flag(True, 'servo off: the axis is no longer homed')
-    clear_home_done_on_comm_stop: bool = _flag(
-        True, 'feedback lost: the axis is no longer homed')
+    clear_home_done_on_comm_stop: bool = _flag(True, 'feedback lost: the axis is no longer homed')
 
     # ------------------------------------------------------------------ what follows from them
 
@@ -265,8 +300,10 @@ class AxisParameters:
         both: LSType = getattr(self, f'{prefix}ls_type')
         if both is not LSType.SeparatePositiveLSNegativeLS:
             return both, both
-        return (getattr(self, f'{prefix}positive_ls_type'),
-                getattr(self, f'{prefix}negative_ls_type'))
+        return (
+            getattr(self, f'{prefix}positive_ls_type'),
+            getattr(self, f'{prefix}negative_ls_type'),
+        )
 
     def limit_switch(self, tier: Tier, way: Way) -> Input:
         """Return the input of a pair that sits at the toward or the away end."""
@@ -296,42 +333,63 @@ class AxisParameters:
         faults = []
         fast, slow = self.homing_velocity_fast, self.homing_velocity_slow
         if slow > fast:
-            faults.append(f'homing_velocity_slow: {slow:g} m/s must be <= homing_velocity_fast, '
-                          f'{fast:g} m/s')
+            faults.append(
+                f'homing_velocity_slow: {slow:g} m/s must be <= homing_velocity_fast, {fast:g} m/s'
+            )
         if self.homing_reverse_distance >= self.travel:
-            faults.append(f'homing_reverse_distance: {self.homing_reverse_distance:g} m must be '
-                          f'< travel, {self.travel:g} m')
+            faults.append(
+                f'homing_reverse_distance: {self.homing_reverse_distance:g} m must be '
+                f'< travel, {self.travel:g} m'
+            )
         if self.max_search_distance > 2 * self.travel:
-            faults.append(f'max_search_distance: {self.max_search_distance:g} m must be '
-                          f'<= 2 x travel, {2 * self.travel:g} m')
+            faults.append(
+                f'max_search_distance: {self.max_search_distance:g} m must be '
+                f'<= 2 x travel, {2 * self.travel:g} m'
+            )
         for name in ('max_ls_reverse_distance', 'max_hs_on_at_start_reverse_distance'):
             if getattr(self, name) > self.search_distance:
-                faults.append(f'{name}: {getattr(self, name):g} m must be <= max_search_distance, '
-                              f'{self.search_distance:g} m')
+                faults.append(
+                    f'{name}: {getattr(self, name):g} m must be <= max_search_distance, '
+                    f'{self.search_distance:g} m'
+                )
         if abs(self.home_shift_distance) > self.travel:
-            faults.append(f'home_shift_distance: {self.home_shift_distance:g} m must be within '
-                          f'+-travel, {self.travel:g} m')
+            faults.append(
+                f'home_shift_distance: {self.home_shift_distance:g} m must be within '
+                f'+-travel, {self.travel:g} m'
+            )
         procedure = self.procedure
         if self.repeat > 1 and Event.REPEAT not in procedure.events:
-            faults.append(f'repeat: {self.repeat} must be 1 for {self.home_type}, which has no '
-                          'slow pass over a switch or probe (HSHS and HSTouchProbe do)')
-        end = ('limit switch' if Role.REFERENCE in procedure.limits_ahead.values() else
-               'mechanical end' if self.home_type is HomeType.MechanicalEndDetection else '')
+            faults.append(
+                f'repeat: {self.repeat} must be 1 for {self.home_type}, which has no '
+                'slow pass over a switch or probe (HSHS and HSTouchProbe do)'
+            )
+        end = (
+            'limit switch'
+            if Role.REFERENCE in procedure.limits_ahead.values()
+            else 'mechanical end'
+            if self.home_type is HomeType.MechanicalEndDetection
+            else ''
+        )
         if end and self.home_shift_distance > 0:
-            faults.append(f'home_shift_distance: {self.home_shift_distance:g} m must be <= 0 m '
-                          f'for {self.home_type} (it would move on into the {end})')
+            faults.append(
+                f'home_shift_distance: {self.home_shift_distance:g} m must be <= 0 m '
+                f'for {self.home_type} (it would move on into the {end})'
+            )
         bound, delay = self.max_z_pulse_distance, self.z_pulse_arm_delay
         if Event.Z_PULSE in procedure.events and 0.0 < bound <= delay:
-            faults.append(f'max_z_pulse_distance: {bound:g} m must be > z_pulse_arm_delay, '
-                          f'{delay:g} m (0: no such bound)')
+            faults.append(
+                f'max_z_pulse_distance: {bound:g} m must be > z_pulse_arm_delay, '
+                f'{delay:g} m (0: no such bound)'
+            )
         for needed in sorted(procedure.inputs):
             if needed not in self.switches:
                 faults.append(f'switches: {needed} is missing; {self.home_type} needs it')
         if procedure.target:
             faults += self._check_target(procedure.target)
         if self.homes_on_mechanical_end and not self.mechanical_end_detection_pos_diff:
-            faults.append('mechanical_end_detection_pos_diff: 0 m must be > 0 m to detect the '
-                          'mechanical end')
+            faults.append(
+                'mechanical_end_detection_pos_diff: 0 m must be > 0 m to detect the mechanical end'
+            )
         for tier in Tier:
             prefix = '' if tier is Tier.HARDWARE else f'{tier}_'
             for side in ('positive', 'negative'):
@@ -343,8 +401,10 @@ class AxisParameters:
     def _check_target(self, tier: Tier) -> list[str]:
         target = self.limit_switch(tier, Way.TOWARD)
         if target not in self.switches:
-            return [f'switches: {target} is missing; {self.home_type} with home_direction '
-                    f'{self.home_direction} needs it']
+            return [
+                f'switches: {target} is missing; {self.home_type} with home_direction '
+                f'{self.home_direction} needs it'
+            ]
         if target not in self.inputs:
             return [f'{tier}_ls_type: {target} is disabled (None); {self.home_type} needs it']
         return []
@@ -352,8 +412,8 @@ class AxisParameters:
 
 SPECS: Mapping[str, Spec] = {
     f.name: f.metadata['spec']._replace(
-        name=f.name,
-        default=REQUIRED if f.default is dataclasses.MISSING else f.default)
+        name=f.name, default=REQUIRED if f.default is dataclasses.MISSING else f.default
+    )
     for f in dataclasses.fields(AxisParameters)
 }
 
@@ -381,8 +441,11 @@ def axis_parameters(values: Mapping[str, object], axis: str = '') -> AxisParamet
     for tier in ('', 'near_', 'external_'):
         if good.get(f'{tier}ls_type') is LSType.SeparatePositiveLSNegativeLS:
             needed = (f'{tier}positive_ls_type', f'{tier}negative_ls_type')
-            faults += [f'{name}: required, but not set ({tier}ls_type is '
-                       'SeparatePositiveLSNegativeLS)' for name in needed if name not in values]
+            faults += [
+                f'{name}: required, but not set ({tier}ls_type is SeparatePositiveLSNegativeLS)'
+                for name in needed
+                if name not in values
+            ]
     if not faults:
         parameters = AxisParameters(**good)
         faults = parameters.cross_check()

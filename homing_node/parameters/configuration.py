@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters of the node and of all its axes, from ROS or from a YAML file.
 
 The node's own parameters stand in NODE_SPECS, those of an axis in parameters.SPECS; an axis's
@@ -20,13 +21,31 @@ AXIS_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 TOPIC_NAME = re.compile(r'(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 #: Names under the node's own that an axis must not take.
-RESERVED = frozenset({
-    'home', 'cancel', 'setpoints', 'position_commands', 'joint_states', 'emergency_stop',
-    'axes', 'update_rate', 'cycle_timeout', 'setpoint_interface', 'home_sequence',
-    'qos_overrides', 'use_sim_time', 'start_type_description_service',
-    'describe_parameters', 'get_parameter_types', 'get_parameters', 'get_type_description',
-    'list_parameters', 'set_parameters', 'set_parameters_atomically',
-})
+RESERVED = frozenset(
+    {
+        'home',
+        'cancel',
+        'setpoints',
+        'position_commands',
+        'joint_states',
+        'emergency_stop',
+        'axes',
+        'update_rate',
+        'cycle_timeout',
+        'setpoint_interface',
+        'home_sequence',
+        'qos_overrides',
+        'use_sim_time',
+        'start_type_description_service',
+        'describe_parameters',
+        'get_parameter_types',
+        'get_parameters',
+        'get_type_description',
+        'list_parameters',
+        'set_parameters',
+        'set_parameters_atomically',
+    }
+)
 
 
 class SetpointInterface(Word):
@@ -36,24 +55,57 @@ class SetpointInterface(Word):
     position = 'position'
 
 
-NODE_SPECS: Mapping[str, Spec] = {spec.name: spec for spec in (
-    Spec('the names of the axes', list, name='axes'),
-    Spec('rate of the control cycle', float, 'Hz', 1.0, 2000.0,
-         name='update_rate', default=250.0),
-    Spec('a cycle that is later than this ends the run', float, 's', 0.0, open_minimum=True,
-         name='cycle_timeout', default=0.2),
-    Spec('how setpoints are published: ~/setpoints or ~/position_commands', SetpointInterface,
-         name='setpoint_interface', default=SetpointInterface.trajectory),
-    Spec('groups of axes that home together, in order, e.g. ["z", "x, y"] '
-         '(empty: one after another)', list, name='home_sequence', default=[]),
-)}
+NODE_SPECS: Mapping[str, Spec] = {
+    spec.name: spec
+    for spec in (
+        Spec('the names of the axes', list, name='axes'),
+        Spec(
+            'rate of the control cycle',
+            float,
+            'Hz',
+            1.0,
+            2000.0,
+            name='update_rate',
+            default=250.0,
+        ),
+        Spec(
+            'a cycle that is later than this ends the run',
+            float,
+            's',
+            0.0,
+            open_minimum=True,
+            name='cycle_timeout',
+            default=0.2,
+        ),
+        Spec(
+            'how setpoints are published: ~/setpoints or ~/position_commands',
+            SetpointInterface,
+            name='setpoint_interface',
+            default=SetpointInterface.trajectory,
+        ),
+        Spec(
+            'groups of axes that home together, in order, e.g. ["z", "x, y"] '
+            '(empty: one after another)',
+            list,
+            name='home_sequence',
+            default=[],
+        ),
+    )
+}
 
 #: What every ROS node has.
-COMMON_SPECS: Mapping[str, Spec] = {spec.name: spec for spec in (
-    Spec('follow /clock', bool, name='use_sim_time', default=False),
-    Spec('serve the descriptions of types', bool, name='start_type_description_service',
-         default=True),
-)}
+COMMON_SPECS: Mapping[str, Spec] = {
+    spec.name: spec
+    for spec in (
+        Spec('follow /clock', bool, name='use_sim_time', default=False),
+        Spec(
+            'serve the descriptions of types',
+            bool,
+            name='start_type_description_service',
+            default=True,
+        ),
+    )
+}
 
 
 class TopicSpec(Spec):
@@ -67,8 +119,9 @@ class TopicSpec(Spec):
 
 
 TOPIC_SPECS: Mapping[str, Spec] = {
-    f'topics.{name}': TopicSpec(f'topic of {name} (empty: ~/<axis>/{name})', str,
-                                name=f'topics.{name}', default='')
+    f'topics.{name}': TopicSpec(
+        f'topic of {name} (empty: ~/<axis>/{name})', str, name=f'topics.{name}', default=''
+    )
     for name in Input
 }
 
@@ -111,8 +164,11 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
     axes: dict[str, AxisParameters] = {}
     topics: dict[str, dict[Input, str]] = {}
     for axis in names:
-        own = {name.removeprefix(f'{axis}.'): value for name, value in values.items()
-               if name.startswith(f'{axis}.')}
+        own = {
+            name.removeprefix(f'{axis}.'): value
+            for name, value in values.items()
+            if name.startswith(f'{axis}.')
+        }
         topics[axis] = {}
         for name in (name for name in TOPICS if own.get(name) is not None):
             try:
@@ -134,8 +190,13 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
     if faults:
         raise InvalidParameters(faults)
     return Configuration(
-        axes, topics, node['update_rate'], node['cycle_timeout'], node['setpoint_interface'],
-        sequence)
+        axes,
+        topics,
+        node['update_rate'],
+        node['cycle_timeout'],
+        node['setpoint_interface'],
+        sequence,
+    )
 
 
 def home_sequence(groups: list[str], axes: list[str]) -> tuple[tuple[str, ...], ...]:
@@ -180,8 +241,10 @@ def _node_value(spec: Spec, value: Any) -> Any:
         return spec.default
     if spec.kind is list:
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            raise ValueError(f'{spec.name}: {value!r} is not a list of strings; quote the names, '
-                             "YAML reads an unquoted y as true: ['x', 'y']")
+            raise ValueError(
+                f'{spec.name}: {value!r} is not a list of strings; quote the names, '
+                "YAML reads an unquoted y as true: ['x', 'y']"
+            )
         return value
     return spec.convert(value)
 

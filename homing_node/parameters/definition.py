@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is known of one parameter: its kind, unit, bounds, meaning, and how a value is read."""
 
 import difflib
@@ -68,7 +69,8 @@ class Spec(NamedTuple):
                 return self.kind(value)
             raise ValueError(
                 f'{self.name}: {value!r} is none of {", ".join(self.choices)}'
-                + suggestion(value, self.choices))
+                + suggestion(value, self.choices)
+            )
         if self.kind is tuple:
             return self._inputs(value)
         if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
@@ -77,15 +79,19 @@ class Spec(NamedTuple):
             kind = {float: 'a number', int: 'an integer', bool: 'true or false'}
             raise ValueError(
                 f'{self.name}: {value!r} is not {kind.get(self.kind, "a string")}'
-                + (f' ({self.unit})' if self.unit else ''))
+                + (f' ({self.unit})' if self.unit else '')
+            )
         if isinstance(value, int | float):
             below = value <= self.minimum if self.open_minimum else value < self.minimum
             huge = not abs(value) <= LARGEST
             if huge or below or value > self.maximum:
                 size = '' if not huge else f'<= {LARGEST:g}' if math.isfinite(value) else 'finite'
                 bounds = ' and '.join(filter(None, (size, self.bounds)))
-                raise ValueError(f'{self.name}: {value!r} {self.unit} must be {bounds} {self.unit}'
-                                 .replace('  ', ' ').rstrip())
+                raise ValueError(
+                    f'{self.name}: {value!r} {self.unit} must be {bounds} {self.unit}'.replace(
+                        '  ', ' '
+                    ).rstrip()
+                )
         return value
 
     def _inputs(self, value: object) -> tuple[Input, ...]:
@@ -95,8 +101,10 @@ class Spec(NamedTuple):
         listed = list(value)
         for name in listed:
             if name not in names:
-                raise ValueError(f'{self.name}: {name!r} is none of {", ".join(names)}'
-                                 + suggestion(name, names))
+                raise ValueError(
+                    f'{self.name}: {name!r} is none of {", ".join(names)}'
+                    + suggestion(name, names)
+                )
         if len(set(listed)) < len(listed):
             raise ValueError(f'{self.name}: an input is listed twice in {listed}')
         return tuple(Input(name) for name in listed)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which policies of QoS may be overridden, and with what.
 
 By parameters ``qos_overrides.<topic>.<subscription|publisher>.<policy>``, as of every ROS node.
@@ -38,24 +39,30 @@ class Durability(Word):
     system_default = 'system_default'
 
 
-POLICIES: Mapping[str, Spec] = {spec.name: spec for spec in (
-    Spec('which messages are kept', History, name='history'),
-    Spec('how many messages are kept', int, 'messages', 1, 2**31 - 1, name='depth'),
-    Spec('whether a lost message is sent again', Reliability, name='reliability'),
-    Spec('whether a late joiner receives what was published before', Durability,
-         name='durability'),
-)}
+POLICIES: Mapping[str, Spec] = {
+    spec.name: spec
+    for spec in (
+        Spec('which messages are kept', History, name='history'),
+        Spec('how many messages are kept', int, 'messages', 1, 2**31 - 1, name='depth'),
+        Spec('whether a lost message is sent again', Reliability, name='reliability'),
+        Spec(
+            'whether a late joiner receives what was published before',
+            Durability,
+            name='durability',
+        ),
+    )
+}
 
 
 def check_override(name: str, value: object) -> None:
     """Check one parameter of ``qos_overrides``; raises ValueError that says what is wrong."""
     found = NAME.fullmatch(name)
     if found is None:
-        raise ValueError(
-            f'{name}: is not qos_overrides.<topic>.<subscription|publisher>.<policy>')
+        raise ValueError(f'{name}: is not qos_overrides.<topic>.<subscription|publisher>.<policy>')
     policy = found['policy']
     if policy not in POLICIES:
-        raise ValueError(f'{name}: {policy!r} is none of {", ".join(POLICIES)}'
-                         + suggestion(policy, POLICIES))
+        raise ValueError(
+            f'{name}: {policy!r} is none of {", ".join(POLICIES)}' + suggestion(policy, POLICIES)
+        )
     spec = POLICIES[policy]._replace(name=name)
     spec.convert(value.lower() if isinstance(value, str) else value)  # as rclpy reads it

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads a ROS parameter file without ROS: the names and values that rcl would give to a node.
 
 rcl reads YAML in its own way: an unquoted ``y`` is a boolean, ``1e-3`` a number, a date a string,
@@ -23,8 +24,9 @@ TRUE = frozenset(['y', 'Y', 'yes', 'Yes', 'YES', 'true', 'True', 'TRUE', 'on', '
 FALSE = frozenset(['n', 'N', 'no', 'No', 'NO', 'false', 'False', 'FALSE', 'off', 'Off', 'OFF'])
 OCTAL = re.compile(r'[-+]?0[0-7]+')
 INTEGER = re.compile(r'[-+]?(0[xX][0-9a-fA-F]+|0|[1-9][0-9]*)')
-REAL = re.compile(r'[-+]?(([0-9]+\.?[0-9]*|\.[0-9]+)(e[-+]?[0-9]+)?|(?P<named>\.?(inf|nan)))',
-                  re.IGNORECASE)
+REAL = re.compile(
+    r'[-+]?(([0-9]+\.?[0-9]*|\.[0-9]+)(e[-+]?[0-9]+)?|(?P<named>\.?(inf|nan)))', re.IGNORECASE
+)
 ZERO = re.compile(r'[-+]?[0.]+(e[-+]?[0-9]+)?', re.IGNORECASE)
 
 
@@ -99,7 +101,8 @@ class OnceLoader(yaml.SafeLoader):
         for n, (key, _) in enumerate(node.value):
             if key.value in names[:n]:
                 raise yaml.composer.ComposerError(
-                    problem=f'{key.value} stands there twice', problem_mark=key.start_mark)
+                    problem=f'{key.value} stands there twice', problem_mark=key.start_mark
+                )
         return node
 
 
@@ -182,13 +185,16 @@ def _scalar(name: str, node: yaml.Node) -> Any:
     octal = OCTAL.fullmatch(text)
     if octal or INTEGER.fullmatch(text):
         whole = int(text, 8 if octal else 0)
-        if -2**63 <= whole < 2**63:
+        if -(2**63) <= whole < 2**63:
             return whole
     if not (found := REAL.fullmatch(text)):
         return text
     real = float(re.sub(r'\.(?=[in])', '', text.lower()))
-    exact = found['named'] or ZERO.fullmatch(text) or (
-        sys.float_info.min <= abs(real) <= sys.float_info.max)
+    exact = (
+        found['named']
+        or ZERO.fullmatch(text)
+        or (sys.float_info.min <= abs(real) <= sys.float_info.max)
+    )
     return real if exact else text
 
 

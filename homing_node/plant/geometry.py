@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An axis's layout as a homing run meets it: along its way, in the *toward* frame.
 
 Going a way, every place is a distance along that way (``along``), so that what lies further on has
@@ -99,13 +100,15 @@ class Geometry:
 
 def entries(parameters: AxisParameters, step: Step) -> list[tuple[Row, Event]]:
     """Return the rows from which an arrow leads into a step, with the arrow's event."""
-    return [(row, event) for row in parameters.procedure.rows.values()
-            for event, target in row.on.items() if target == step]
+    return [
+        (row, event)
+        for row in parameters.procedure.rows.values()
+        for event, target in row.on.items()
+        if target == step
+    ]
 
 
-def arming_edge(
-    geometry: Geometry, step: Step, row: Row
-) -> tuple[str, float] | None:
+def arming_edge(geometry: Geometry, step: Step, row: Row) -> tuple[str, float] | None:
     """Return what a row that waits for an index pulse counts from, along the row's way.
 
     The edge that led into the row, or the mechanical end; None where it is where the run began.
@@ -133,8 +136,11 @@ def index_pulse(
     armed = arming_edge(geometry, step, row)
     if armed is None and start is not None and not entries(p, step):
         armed = 'the start', way * geometry.sign * start
-    return geometry.pulse(
-        armed[1] + p.z_pulse_arm_delay, way, max(1, p.multiple_z_pulse)) if armed else None
+    return (
+        geometry.pulse(armed[1] + p.z_pulse_arm_delay, way, max(1, p.multiple_z_pulse))
+        if armed
+        else None
+    )
 
 
 def place_of(geometry: Geometry, event: Event, step: Step, row: Row) -> float | None:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where things are on an axis: hard stops, switches, index pulses, the touch plate.
 
 Positions are raw positions in m (linear axis) or rad (rotary axis), times in s.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads where things are along the axes: the parameter file of `simulated_axes`, or a plain one.
 
 A plain file holds axis names and below each the keys of layout.layouts_from. What is not
@@ -45,15 +46,24 @@ class _Loader(OnceLoader):
 
 
 _Loader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in known
-            if tag.rpartition(':')[2] not in ('bool', 'float', 'timestamp')]
-    for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()}
+    first: [
+        (tag, pattern)
+        for tag, pattern in known
+        if tag.rpartition(':')[2] not in ('bool', 'float', 'timestamp')
+    ]
+    for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
 _Loader.add_implicit_resolver(
-    'tag:yaml.org,2002:bool', re.compile(r'(?:true|True|TRUE|false|False|FALSE)$'), list('tTfF'))
+    'tag:yaml.org,2002:bool', re.compile(r'(?:true|True|TRUE|false|False|FALSE)$'), list('tTfF')
+)
 _Loader.add_implicit_resolver(
     'tag:yaml.org,2002:float',
-    re.compile(r'[-+]?(?:(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+'
-               r'|\.(?:inf|Inf|INF|nan|NaN|NAN))$'), list('-+.0123456789'))
+    re.compile(
+        r'[-+]?(?:(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+'
+        r'|\.(?:inf|Inf|INF|nan|NaN|NAN))$'
+    ),
+    list('-+.0123456789'),
+)
 
 
 @dataclass
@@ -76,11 +86,13 @@ class _Reader:
                 self.lines[axis, rest] = line
             elif isinstance(value, yaml.MappingNode):
                 self._own(axis).update(
-                    (str(name), one) for name, one
-                    in loader.construct_mapping(value, deep=True).items()
-                    if plain or name != 'joint')
-                self.lines |= {(axis, str(name.value)): name.start_mark.line + 1
-                               for name, _ in value.value}
+                    (str(name), one)
+                    for name, one in loader.construct_mapping(value, deep=True).items()
+                    if plain or name != 'joint'
+                )
+                self.lines |= {
+                    (axis, str(name.value)): name.start_mark.line + 1 for name, _ in value.value
+                }
             elif plain:
                 self.entries[axis] = loader.construct_object(value, deep=True)
             else:
@@ -115,9 +127,11 @@ def load(path: str | PathLike[str]) -> LayoutFile:
         for block in blocks or [root]:
             reader.take(block, loader, plain=not blocks)
         for block in blocks:
-            general |= {key.value: loader.construct_object(value, deep=True)
-                        for key, value in block.value
-                        if key.value in ('feedback_rate', 'dead_time')}
+            general |= {
+                key.value: loader.construct_object(value, deep=True)
+                for key, value in block.value
+                if key.value in ('feedback_rate', 'dead_time')
+            }
     except OSError as error:
         raise InvalidLayout([f'{path}: {error.strerror}']) from None
     except UnicodeDecodeError:
@@ -135,13 +149,16 @@ def load(path: str | PathLike[str]) -> LayoutFile:
         layouts = layouts_from(known)
     except ValueError as error:
         raise InvalidLayout(
-            [reader.located(path, fault) for fault in str(error).splitlines()]) from None
+            [reader.located(path, fault) for fault in str(error).splitlines()]
+        ) from None
     for axis, entries in reader.entries.items():
         if entries.get('index_offset', 0.0) is None:
             layouts[axis] = layouts[axis]._replace(index_offset=nan)
-    faults = [f'{path}: {name} {value!r} is not a number'
-              for name, value in general.items()
-              if isinstance(value, bool) or not isinstance(value, int | float) or value <= 0]
+    faults = [
+        f'{path}: {name} {value!r} is not a number'
+        for name, value in general.items()
+        if isinstance(value, bool) or not isinstance(value, int | float) or value <= 0
+    ]
     if faults:
         raise InvalidLayout(faults)
     return LayoutFile(layouts, **general)
@@ -165,11 +182,17 @@ def _filled(entries: object) -> object:
     for name in ('hard_stops', *SWITCHES):
         ends = filled.get(name)
         if isinstance(ends, list) and len(ends) == 2:
-            filled[name] = [unknown if end is None else end
-                            for end, unknown in zip(ends, (-inf, inf), strict=True)]
+            filled[name] = [
+                unknown if end is None else end
+                for end, unknown in zip(ends, (-inf, inf), strict=True)
+            ]
     stops = filled.setdefault('hard_stops', [-inf, inf])
-    if ('start' not in filled and isinstance(stops, list) and len(stops) == 2
-            and all(isinstance(end, int | float) for end in stops)):
+    if (
+        'start' not in filled
+        and isinstance(stops, list)
+        and len(stops) == 2
+        and all(isinstance(end, int | float) for end in stops)
+    ):
         finite = [end for end in stops if abs(end) < inf]
         if len(finite) == 2 and not min(finite) <= 0.0 <= max(finite):
             filled['start'] = sum(finite) / 2

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The plant: simulated axes with switches, an encoder index and a touch probe.
 
 Pure Python without a clock: time is passed in as steps. Positions are raw positions in m (linear

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How fast messages travel on a machine."""
 
 from typing import NamedTuple
@@ -30,5 +31,10 @@ class Timing(NamedTuple):
 
     def reaction(self, parameters: AxisParameters, lag: float = 0.0) -> float:
         """Return the time from a switch's edge until the axis begins to brake, s."""
-        return (self.latency + 1.0 / self.update_rate + lag
-                + parameters.switch_latency + parameters.switch_debounce)
+        return (
+            self.latency
+            + 1.0 / self.update_rate
+            + lag
+            + parameters.switch_latency
+            + parameters.switch_debounce
+        )

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Home types as tables: the words, the events, the motions, and one table for each home type."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What can happen to an axis while it homes: the vocabulary of the arrows in the tables.
 
 An edge counts for a row only if the axis traveled the row's way at the edge's own time, and an

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an axis can be told to do in a row of a table: a closed vocabulary.
 
 Ways are relative to the homing direction: *toward* along it, *away* against it.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The fixed words of homing: states, home types, errors, limit switch actions, inputs.
 
 Every value is the string that users see, as the WMX3 manual spells it where the manual has it.

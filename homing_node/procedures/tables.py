@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The home types as tables: step -> (motion, {event: next step}).
 
 A table is plain data. The manual's shared pages are fragments that every type composes: *limit
@@ -199,17 +200,28 @@ def compose(*fragments: Table) -> Table:
     return MappingProxyType(rows)
 
 
+# fmt: off  (a table reads like its state diagram)
+
 # ------------------------------------------------- what a limit ahead means (manual's page, §6)
 
 LIMITS_REVERSE = dict.fromkeys(Tier, Role.REVERSAL)
 LIMITS_NORMAL = dict.fromkeys(Tier, Role.NORMAL)
 LIMITS_OF_TARGET: Mapping[Tier, Mapping[Tier, Role]] = {
     Tier.HARDWARE: {
-        Tier.HARDWARE: Role.REFERENCE, Tier.NEAR: Role.IGNORED, Tier.EXTERNAL: Role.IGNORED},
+        Tier.HARDWARE: Role.REFERENCE,
+        Tier.NEAR: Role.IGNORED,
+        Tier.EXTERNAL: Role.IGNORED,
+    },
     Tier.NEAR: {
-        Tier.HARDWARE: Role.NORMAL, Tier.NEAR: Role.REFERENCE, Tier.EXTERNAL: Role.IGNORED},
+        Tier.HARDWARE: Role.NORMAL,
+        Tier.NEAR: Role.REFERENCE,
+        Tier.EXTERNAL: Role.IGNORED,
+    },
     Tier.EXTERNAL: {
-        Tier.HARDWARE: Role.NORMAL, Tier.NEAR: Role.IGNORED, Tier.EXTERNAL: Role.REFERENCE},
+        Tier.HARDWARE: Role.NORMAL,
+        Tier.NEAR: Role.IGNORED,
+        Tier.EXTERNAL: Role.REFERENCE,
+    },
 }
 
 
@@ -236,11 +248,14 @@ def homes_within_limits(
 HS = homes_on_switch(
     HomeType.HS,
     {
-        HS_SEARCH: Row(TOWARD_FAST, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
-            Event.HS_RISES: HOME_SHIFT,
-        }),
+        HS_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: HOME_SHIFT,
+            },
+        ),
     },
     home_switch_initially_on(then=HS_SEARCH),
     limit_switch_during_homing(then=HS_SEARCH),
@@ -249,17 +264,23 @@ HS = homes_on_switch(
 HSHS = homes_on_switch(
     HomeType.HSHS,
     {
-        HS_SEARCH: Row(TOWARD_FAST, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
-            Event.HS_RISES: HS_CLEAR_REVERSE,
-        }),
-        SECOND_HS_SEARCH: Row(TOWARD_SLOW, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.HS_ON: HS_CLEAR_REVERSE,
-            Event.REPEAT: HS_CLEAR_REVERSE,
-            Event.HS_RISES: HOME_SHIFT,
-        }),
+        HS_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: HS_CLEAR_REVERSE,
+            },
+        ),
+        SECOND_HS_SEARCH: Row(
+            TOWARD_SLOW,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE,
+                Event.REPEAT: HS_CLEAR_REVERSE,
+                Event.HS_RISES: HOME_SHIFT,
+            },
+        ),
     },
     home_switch_clear(then=SECOND_HS_SEARCH),
     home_switch_initially_on(then=SECOND_HS_SEARCH),
@@ -269,15 +290,21 @@ HSHS = homes_on_switch(
 HS_Z_PULSE = homes_on_switch(
     HomeType.HSZPulse,
     {
-        HS_AND_Z_PULSE_SEARCH: Row(TOWARD_FAST, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
-            Event.HS_RISES: HS_AND_Z_PULSE_SEARCH_ARMED,
-        }),
-        HS_AND_Z_PULSE_SEARCH_ARMED: Row(TOWARD_SLOW, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.Z_PULSE: HOME_SHIFT,
-        }),
+        HS_AND_Z_PULSE_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: HS_AND_Z_PULSE_SEARCH_ARMED,
+            },
+        ),
+        HS_AND_Z_PULSE_SEARCH_ARMED: Row(
+            TOWARD_SLOW,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.Z_PULSE: HOME_SHIFT,
+            },
+        ),
     },
     home_switch_initially_on(then=HS_AND_Z_PULSE_SEARCH),
     limit_switch_during_homing(then=HS_AND_Z_PULSE_SEARCH),
@@ -286,11 +313,14 @@ HS_Z_PULSE = homes_on_switch(
 HS_REVERSE_Z_PULSE = homes_on_switch(
     HomeType.HSReverseZPulse,
     {
-        HS_SEARCH: Row(TOWARD_FAST, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
-            Event.HS_RISES: Z_PULSE_SEARCH_REVERSE,
-        }),
+        HS_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: Z_PULSE_SEARCH_REVERSE,
+            },
+        ),
         Z_PULSE_SEARCH_REVERSE: Row(AWAY_SLOW, {Event.HS_FALLS: Z_PULSE_SEARCH_REVERSE_ARMED}),
     },
     Z_PULSE_REVERSE_ROWS,
@@ -301,16 +331,22 @@ HS_REVERSE_Z_PULSE = homes_on_switch(
 HS_TOUCH_PROBE = homes_on_switch(
     HomeType.HSTouchProbe,
     {
-        HS_SEARCH: Row(TOWARD_FAST, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
-            Event.HS_RISES: HS_CLEAR_REVERSE,
-        }),
-        TOUCH_PROBE_SEARCH: Row(TOWARD_SLOW, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.REPEAT: HS_CLEAR_REVERSE,
-            Event.TOUCH_PROBE: HOME_SHIFT,
-        }),
+        HS_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: HS_CLEAR_REVERSE,
+            },
+        ),
+        TOUCH_PROBE_SEARCH: Row(
+            TOWARD_SLOW,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.REPEAT: HS_CLEAR_REVERSE,
+                Event.TOUCH_PROBE: HOME_SHIFT,
+            },
+        ),
     },
     home_switch_clear(then=TOUCH_PROBE_SEARCH),
     home_switch_initially_on(then=TOUCH_PROBE_SEARCH),
@@ -322,10 +358,13 @@ HS_TOUCH_PROBE = homes_on_switch(
 HS_OFF = homes_on_switch(
     HomeType.HSOff,
     {
-        HS_OFF_SEARCH: Row(TOWARD_FAST, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.HS_FALLS: HOME_SHIFT,
-        }),
+        HS_OFF_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_FALLS: HOME_SHIFT,
+            },
+        ),
     },
     limit_switch_during_homing(then=HS_OFF_SEARCH),
 )
@@ -333,14 +372,20 @@ HS_OFF = homes_on_switch(
 HS_OFF_Z_PULSE = homes_on_switch(
     HomeType.HSOffZPulse,
     {
-        HS_OFF_AND_Z_PULSE_SEARCH: Row(TOWARD_FAST, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.HS_FALLS: HS_OFF_AND_Z_PULSE_SEARCH_ARMED,
-        }),
-        HS_OFF_AND_Z_PULSE_SEARCH_ARMED: Row(TOWARD_SLOW, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.Z_PULSE: HOME_SHIFT,
-        }),
+        HS_OFF_AND_Z_PULSE_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_FALLS: HS_OFF_AND_Z_PULSE_SEARCH_ARMED,
+            },
+        ),
+        HS_OFF_AND_Z_PULSE_SEARCH_ARMED: Row(
+            TOWARD_SLOW,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.Z_PULSE: HOME_SHIFT,
+            },
+        ),
     },
     limit_switch_during_homing(then=HS_OFF_AND_Z_PULSE_SEARCH),
 )
@@ -348,10 +393,13 @@ HS_OFF_Z_PULSE = homes_on_switch(
 HS_OFF_REVERSE_Z_PULSE = homes_on_switch(
     HomeType.HSOffReverseZPulse,
     {
-        HS_OFF_SEARCH: Row(TOWARD_FAST, {
-            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
-            Event.HS_FALLS: Z_PULSE_SEARCH_REVERSE,
-        }),
+        HS_OFF_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_FALLS: Z_PULSE_SEARCH_REVERSE,
+            },
+        ),
         Z_PULSE_SEARCH_REVERSE: Row(AWAY_SLOW, {Event.HS_RISES: Z_PULSE_SEARCH_REVERSE_ARMED}),
     },
     Z_PULSE_REVERSE_ROWS,
@@ -361,18 +409,24 @@ HS_OFF_REVERSE_Z_PULSE = homes_on_switch(
 # ------------------------------------------------------------------------------- limit switches
 
 LS_ROWS: Table = {
-    LS_SEARCH: Row(TOWARD_FAST, {
-        Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE,
-        Event.LS_RISES: HOME_SHIFT,
-    }),
+    LS_SEARCH: Row(
+        TOWARD_FAST,
+        {
+            Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.LS_RISES: HOME_SHIFT,
+        },
+    ),
     **limit_switch_initially_on(then=LS_SEARCH),
 }
 
 LS_REVERSE_Z_PULSE_ROWS: Table = {
-    LS_SEARCH: Row(TOWARD_FAST, {
-        Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE,
-        Event.LS_RISES: Z_PULSE_SEARCH_REVERSE,
-    }),
+    LS_SEARCH: Row(
+        TOWARD_FAST,
+        {
+            Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.LS_RISES: Z_PULSE_SEARCH_REVERSE,
+        },
+    ),
     Z_PULSE_SEARCH_REVERSE: Row(AWAY_SLOW, {Event.LS_FALLS: Z_PULSE_SEARCH_REVERSE_ARMED}),
     **Z_PULSE_REVERSE_ROWS,
     **limit_switch_initially_on(then=LS_SEARCH),
@@ -382,21 +436,26 @@ LS = homes_on_limit(HomeType.LS, Tier.HARDWARE, LS_ROWS)
 NEAR_LS = homes_on_limit(HomeType.NearLS, Tier.NEAR, LS_ROWS)
 EXTERNAL_LS = homes_on_limit(HomeType.ExternalLS, Tier.EXTERNAL, LS_ROWS)
 LS_REVERSE_Z_PULSE = homes_on_limit(
-    HomeType.LSReverseZPulse, Tier.HARDWARE, LS_REVERSE_Z_PULSE_ROWS)
+    HomeType.LSReverseZPulse, Tier.HARDWARE, LS_REVERSE_Z_PULSE_ROWS
+)
 NEAR_LS_REVERSE_Z_PULSE = homes_on_limit(
-    HomeType.NearLSReverseZPulse, Tier.NEAR, LS_REVERSE_Z_PULSE_ROWS)
+    HomeType.NearLSReverseZPulse, Tier.NEAR, LS_REVERSE_Z_PULSE_ROWS
+)
 EXTERNAL_LS_REVERSE_Z_PULSE = homes_on_limit(
-    HomeType.ExternalLSReverseZPulse, Tier.EXTERNAL, LS_REVERSE_Z_PULSE_ROWS)
+    HomeType.ExternalLSReverseZPulse, Tier.EXTERNAL, LS_REVERSE_Z_PULSE_ROWS
+)
 
 # ---------------------------------------------------------------------------- without a switch
 
 CURRENT_POS = homes_within_limits(HomeType.CurrentPos)
 
 Z_PULSE = homes_within_limits(
-    HomeType.ZPulse, {Z_PULSE_SEARCH: Row(TOWARD_SLOW, {Event.Z_PULSE: HOME_SHIFT})})
+    HomeType.ZPulse, {Z_PULSE_SEARCH: Row(TOWARD_SLOW, {Event.Z_PULSE: HOME_SHIFT})}
+)
 
 TOUCH_PROBE = homes_within_limits(
-    HomeType.TouchProbe, {TOUCH_PROBE_SEARCH: Row(TOWARD_SLOW, {Event.TOUCH_PROBE: HOME_SHIFT})})
+    HomeType.TouchProbe, {TOUCH_PROBE_SEARCH: Row(TOWARD_SLOW, {Event.TOUCH_PROBE: HOME_SHIFT})}
+)
 
 # ------------------------------------------------------------------------------ mechanical end
 
@@ -407,14 +466,16 @@ def mechanical_end(then: Step) -> Table:
 
 
 MECHANICAL_END = homes_within_limits(
-    HomeType.MechanicalEndDetection, mechanical_end(then=HOME_SHIFT))
+    HomeType.MechanicalEndDetection, mechanical_end(then=HOME_SHIFT)
+)
 
 MECHANICAL_END_HS = homes_within_limits(
     HomeType.MechanicalEndDetectionHS,
     mechanical_end(then=HS_FALLING_EDGE_SEARCH_REVERSE),
     {
         HS_FALLING_EDGE_SEARCH_REVERSE: Row(
-            AWAY_SLOW, {Event.HS_RISES: HOME_SHIFT, Event.HS_FALLS: HOME_SHIFT}),
+            AWAY_SLOW, {Event.HS_RISES: HOME_SHIFT, Event.HS_FALLS: HOME_SHIFT}
+        ),
     },
 )
 
@@ -423,7 +484,8 @@ MECHANICAL_END_LS = homes_within_limits(
     mechanical_end(then=LS_FALLING_EDGE_SEARCH_REVERSE),
     {
         LS_FALLING_EDGE_SEARCH_REVERSE: Row(
-            AWAY_SLOW, {Event.LS_RISES: HOME_SHIFT, Event.LS_FALLS: HOME_SHIFT}),
+            AWAY_SLOW, {Event.LS_RISES: HOME_SHIFT, Event.LS_FALLS: HOME_SHIFT}
+        ),
     },
     target=Tier.HARDWARE,
 )
@@ -439,11 +501,28 @@ def _by_home_type(procedures: Iterable[Procedure]) -> Mapping[HomeType, Procedur
     return MappingProxyType({procedure.home_type: procedure for procedure in procedures})
 
 
-PROCEDURES = _by_home_type([
-    HS, HS_Z_PULSE, HS_REVERSE_Z_PULSE, HSHS, HS_TOUCH_PROBE,
-    HS_OFF, HS_OFF_Z_PULSE, HS_OFF_REVERSE_Z_PULSE,
-    LS, LS_REVERSE_Z_PULSE, NEAR_LS, NEAR_LS_REVERSE_Z_PULSE,
-    EXTERNAL_LS, EXTERNAL_LS_REVERSE_Z_PULSE,
-    CURRENT_POS, Z_PULSE, TOUCH_PROBE,
-    MECHANICAL_END, MECHANICAL_END_HS, MECHANICAL_END_LS, MECHANICAL_END_REVERSE_Z_PULSE,
-])
+PROCEDURES = _by_home_type(
+    [
+        HS,
+        HS_Z_PULSE,
+        HS_REVERSE_Z_PULSE,
+        HSHS,
+        HS_TOUCH_PROBE,
+        HS_OFF,
+        HS_OFF_Z_PULSE,
+        HS_OFF_REVERSE_Z_PULSE,
+        LS,
+        LS_REVERSE_Z_PULSE,
+        NEAR_LS,
+        NEAR_LS_REVERSE_Z_PULSE,
+        EXTERNAL_LS,
+        EXTERNAL_LS_REVERSE_Z_PULSE,
+        CURRENT_POS,
+        Z_PULSE,
+        TOUCH_PROBE,
+        MECHANICAL_END,
+        MECHANICAL_END_HS,
+        MECHANICAL_END_LS,
+        MECHANICAL_END_REVERSE_Z_PULSE,
+    ]
+)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A run without ROS: the core against the simulated plant. The node never imports it."""
 
 from .run import DIRECT, Rehearsal, Transport, rehearse

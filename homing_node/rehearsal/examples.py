@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An example of every home type: parameters, the axis it homes, and the runs worth seeing.
 
 The documentation's figures are these runs. All axes home toward positive, are 120 mm long and
@@ -107,13 +108,16 @@ def mechanical_end(
 ) -> Example:
     """Give an example that finds the hard stop ahead, where no limit switch is in the way."""
     return example(
-        home_type, inputs, Run('from before the hard stop', 0.095),
+        home_type,
+        inputs,
+        Run('from before the hard stop', 0.095),
         flags={**FLAGS, Input.HOME_SWITCH: SwitchLayout(0.100, 0.112, hysteresis=0.00005)},
         limits=(Input.NEGATIVE_LIMIT_SWITCH,),
         index_offset=0.009,
         mechanical_end_detection_pos_diff=0.003,
         mechanical_end_detection_time=0.1,
-        **parameters)
+        **parameters,
+    )
 
 
 def _by_home_type(*examples: Example) -> Mapping[HomeType, Example]:
@@ -131,21 +135,48 @@ EXAMPLES = _by_home_type(
     example(HomeType.HSOffReverseZPulse, HS + INDEX, BEFORE, ON, BEYOND, index_offset=0.014),
     example(HomeType.LS, (), IN_REACH, ON_LIMIT, home_shift_distance=-0.010),
     example(HomeType.LSReverseZPulse, INDEX, IN_REACH, ON_LIMIT, index_offset=0.002),
-    example(HomeType.NearLS, NEAR_LIMIT, IN_REACH, ON_LIMIT._replace(start=0.092),
-            near_ls_type='Dec', home_shift_distance=-0.010),
-    example(HomeType.NearLSReverseZPulse, NEAR_LIMIT + INDEX, IN_REACH,
-            ON_LIMIT._replace(start=0.092), near_ls_type='Dec', index_offset=0.002),
-    example(HomeType.ExternalLS, NEAR_LIMIT + EXTERNAL_LIMIT, IN_REACH,
-            ON_LIMIT._replace(start=0.102), near_ls_type='Dec', external_ls_type='Dec',
-            home_shift_distance=-0.020),
-    example(HomeType.ExternalLSReverseZPulse, EXTERNAL_LIMIT + INDEX, IN_REACH,
-            ON_LIMIT._replace(start=0.102), external_ls_type='Dec', index_offset=0.012),
+    example(
+        HomeType.NearLS,
+        NEAR_LIMIT,
+        IN_REACH,
+        ON_LIMIT._replace(start=0.092),
+        near_ls_type='Dec',
+        home_shift_distance=-0.010,
+    ),
+    example(
+        HomeType.NearLSReverseZPulse,
+        NEAR_LIMIT + INDEX,
+        IN_REACH,
+        ON_LIMIT._replace(start=0.092),
+        near_ls_type='Dec',
+        index_offset=0.002,
+    ),
+    example(
+        HomeType.ExternalLS,
+        NEAR_LIMIT + EXTERNAL_LIMIT,
+        IN_REACH,
+        ON_LIMIT._replace(start=0.102),
+        near_ls_type='Dec',
+        external_ls_type='Dec',
+        home_shift_distance=-0.020,
+    ),
+    example(
+        HomeType.ExternalLSReverseZPulse,
+        EXTERNAL_LIMIT + INDEX,
+        IN_REACH,
+        ON_LIMIT._replace(start=0.102),
+        external_ls_type='Dec',
+        index_offset=0.012,
+    ),
     example(HomeType.CurrentPos, (), Run('with a home shift', 0.040), home_shift_distance=0.030),
     example(HomeType.ZPulse, INDEX, IN_REACH, index_offset=0.010),
     example(HomeType.TouchProbe, PROBE, IN_REACH),
     mechanical_end(HomeType.MechanicalEndDetection, home_shift_distance=-0.010),
     mechanical_end(HomeType.MechanicalEndDetectionHS, HS),
-    mechanical_end(HomeType.MechanicalEndDetectionLS, (Input.POSITIVE_LIMIT_SWITCH,),
-                   mechanical_end_detection_ignore_ls=True),
+    mechanical_end(
+        HomeType.MechanicalEndDetectionLS,
+        (Input.POSITIVE_LIMIT_SWITCH,),
+        mechanical_end_detection_ignore_ls=True,
+    ),
     mechanical_end(HomeType.MechanicalEndDetectionReverseZPulse, INDEX),
 )

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What goes wrong between a machine and the node: faults, as functions of messages.
 
 A fault takes every message on its way (an input's level or latch, a feedback sample, a setpoint)
@@ -65,14 +66,18 @@ def past(position: float, way: int = 1) -> Moment:
 
 # ------------------------------------------------------------------------------------ switches
 
+
 def bounces(topic: str, times: int = 3, every: float = 0.0005) -> Fault:
     """Let `times` bounces follow every edge, `every` s apart."""
+
     def change(one: Message) -> Iterable[Message]:
         yield one
         for i in range(2 * times if one.sent > 0.0 else 0):
             at = (i + 1) * every
-            yield one._replace(sent=one.sent + at, stamp=one.stamp + at,
-                               value=bool(one.value) is (i % 2 == 1))
+            yield one._replace(
+                sent=one.sent + at, stamp=one.stamp + at, value=bool(one.value) is (i % 2 == 1)
+            )
+
     return of(topic, change)
 
 
@@ -90,6 +95,7 @@ def noise(topic: str, moment: Moment, lasts: float, times: int = 1, every: float
             for i in range(times):
                 for at, value in ((i * every, not level), (i * every + lasts, level)):
                     yield Message(topic, one.sent + at, one.sent + at, value)
+
     return fault
 
 
@@ -107,6 +113,7 @@ def sticks(topic: str, level: bool) -> Fault:
         if not stays:
             yield one
         stays = stays or (one.value is level and one.sent > 0.0)
+
     return of(topic, change)
 
 
@@ -136,10 +143,12 @@ def repeated(topic: str, every: float, until: Moment | None = None) -> Fault:
         if due and level is not None and not ended:
             last = one.sent
             yield Message(topic, one.sent, one.sent, level)
+
     return fault
 
 
 # ------------------------------------------------------------------------------------ messages
+
 
 def lost(topic: str, moment: Moment | None = None, count: float = inf) -> Fault:
     """Lose the first `count` messages after a moment; what is told at the start arrives."""
@@ -151,6 +160,7 @@ def lost(topic: str, moment: Moment | None = None, count: float = inf) -> Fault:
             left -= 1
         else:
             yield one
+
     return of(topic, change, moment)
 
 
@@ -177,6 +187,7 @@ def clock_jumps(topic: str, by: float, moment: Moment | None = None) -> Fault:
 
 # --------------------------------------------------------------------- feedback, drive, latches
 
+
 def frozen(moment: Moment) -> Fault:
     """Go on publishing the feedback, but with the value that it had."""
     return of(FEEDBACK, lambda one: [one._replace(value=moment.position)], moment)
@@ -193,13 +204,13 @@ def scaled(topic: str, factor: float) -> Fault:
         nonlocal start
         start = one.value if start is None else start
         yield one._replace(value=start + factor * (one.value - start))
+
     return of(topic, change)
 
 
 def stands(moment: Moment, lasts: float = inf) -> Fault:
     """Let the axis stand for so many s, whatever it is told."""
-    return of(
-        SETPOINT, lambda one: [one] if one.sent > moment.time + lasts else [], moment)
+    return of(SETPOINT, lambda one: [one] if one.sent > moment.time + lasts else [], moment)
 
 
 def no_encoder() -> Fault:
@@ -213,6 +224,7 @@ def no_encoder() -> Fault:
         elif one.topic == FEEDBACK and command is not None:
             one = one._replace(value=command)
         yield one
+
     return fault
 
 
@@ -230,13 +242,16 @@ def of(
     topic: str, change: Callable[[Message], Iterable[Message]], moment: Moment | None = None
 ) -> Fault:
     """Return a fault of one topic, from a moment on."""
+
     def fault(one: Message) -> Iterable[Message]:
         begun = moment is None or moment.look(one)
         return change(one) if begun and one.topic == topic else (one,)
+
     return fault
 
 
 # ------------------------------------------------------------------------------------- the run
+
 
 class FaultyRehearsal(Rehearsal):
     """A rehearsal whose messages pass through faults, and whose stamps are judged as by the node.
@@ -283,8 +298,9 @@ class FaultyRehearsal(Rehearsal):
     def _report(self, happening: Happening) -> None:
         t = self.transport
         delay = t.latch_delay if Input(happening.input) in LATCHES else t.switch_delay
-        self._post(Message(
-            happening.input, happening.time, happening.time, happening.value, delay))
+        self._post(
+            Message(happening.input, happening.time, happening.time, happening.value, delay)
+        )
 
     def _send_feedback(self, time: float, position: float) -> None:
         self._post(Message(FEEDBACK, time, time, position, self.transport.feedback_delay))

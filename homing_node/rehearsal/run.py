@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Home an axis without ROS: the core against the simulated plant, with a message transport.
 
 Used by the tests, the figures of the documentation and `homing run`. Time is simulated; a run of
@@ -76,7 +77,8 @@ class Rehearsal:
         if setpoint is not None:
             self._command(setpoint[0])
             self.course.samples.append(
-                Sample(self.time, str(self.axis.state), *setpoint, self.plant.position))
+                Sample(self.time, str(self.axis.state), *setpoint, self.plant.position)
+            )
         return setpoint
 
     def home(self, limit: float = 1e4) -> Course:
@@ -136,20 +138,29 @@ class Rehearsal:
     def _report(self, happening: Happening) -> None:
         time, source, value = happening.time, Input(happening.input), happening.value
         if source in LATCHES:
-            self._send(source, time + self.transport.latch_delay,
-                       lambda arrival: self.axis.latch(source, float(value)))
+            self._send(
+                source,
+                time + self.transport.latch_delay,
+                lambda arrival: self.axis.latch(source, float(value)),
+            )
         else:
             stamp = time + self._random.uniform(0.0, self.transport.stamp_error)
-            self._send(source, stamp + self.transport.switch_delay,
-                       lambda arrival: self.axis.switch(source, stamp, bool(value), arrival))
+            self._send(
+                source,
+                stamp + self.transport.switch_delay,
+                lambda arrival: self.axis.switch(source, stamp, bool(value), arrival),
+            )
 
     def _send_feedback(self, time: float, position: float) -> None:
         t = self.transport
         if t.feedback_delay == 0.0 and t.jitter == 0.0:
             self.axis.feedback(time, position)
         else:
-            self._send('feedback', time + t.feedback_delay,
-                       lambda arrival: self.axis.feedback(time, position, arrival))
+            self._send(
+                'feedback',
+                time + t.feedback_delay,
+                lambda arrival: self.axis.feedback(time, position, arrival),
+            )
 
     def _send(self, topic: str, due: float, deliver: Callable[[float], None]) -> None:
         if self.transport.jitter:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rehearses one axis: a run and what it says, or runs from everywhere."""
 
 from collections.abc import Callable, Iterator, Sequence
@@ -78,8 +79,12 @@ class Trial(NamedTuple):
 def transport_of(timing: Timing) -> Transport:
     """Return how messages travel in a rehearsal; rates become divisors of the plant's 1 kHz."""
     return Transport(
-        _divisor(timing.update_rate), _divisor(timing.feedback_rate or timing.update_rate),
-        timing.latency, timing.latency, timing.latency)
+        _divisor(timing.update_rate),
+        _divisor(timing.feedback_rate or timing.update_rate),
+        timing.latency,
+        timing.latency,
+        timing.latency,
+    )
 
 
 def _divisor(rate: float) -> float:
@@ -126,8 +131,9 @@ def starts(parameters: AxisParameters, layout: AxisLayout, count: int) -> list[f
     """Return start positions over the travel, raw; where it is not known, around the start."""
     low, high = layout.hard_stops
     if not isfinite(low):
-        low = high - parameters.travel if isfinite(high) else (
-            layout.start - parameters.travel / 2)
+        low = (
+            high - parameters.travel if isfinite(high) else (layout.start - parameters.travel / 2)
+        )
     if not isfinite(high):
         high = low + parameters.travel
     between = [low + (high - low) * n / (count - 1) for n in range(count - 1)]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether any of many inputs has a message, without asking each of them in every cycle."""
 
 import ctypes
@@ -31,7 +32,8 @@ class Arrivals:
         if self._told_of_all:
             with subscription.handle:
                 self._told_of_all = not _tell_of_messages(
-                    subscription.handle.pointer, _add_to_event, self._event)
+                    subscription.handle.pointer, _add_to_event, self._event
+                )
         self.expect()
 
     def expect(self) -> None:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node whose parameters are those of configuration.py: declared, checked, given on when set."""
 
 from abc import ABC, abstractmethod
@@ -47,7 +48,8 @@ class ConfiguredNode(Node, ABC):
             if parameter.type_ is Parameter.Type.NOT_SET:  # what rcl makes of an empty array
                 overrides[key] = Parameter(key, Parameter.Type.STRING_ARRAY, [])
         self.configuration = configuration(
-            {key: parameter.value for key, parameter in overrides.items()})
+            {key: parameter.value for key, parameter in overrides.items()}
+        )
         self.faults: dict[str, tuple[str, ...]] = {}
         self._prove(self.configuration)
         # That of every node is there already.
@@ -64,8 +66,9 @@ class ConfiguredNode(Node, ABC):
 
     def topics_of(self, axis: str) -> dict[Input, str]:
         """Return the topics that an axis's parameters name; '' is the input's own."""
-        return {source: self.get_parameter(f'{axis}.{name}').value
-                for name, source in TOPICS.items()}
+        return {
+            source: self.get_parameter(f'{axis}.{name}').value for name, source in TOPICS.items()
+        }
 
     # --------------------------------------------------------------------- for the node to fill in
 
@@ -116,12 +119,14 @@ class ConfiguredNode(Node, ABC):
         unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
         if unknown:  # rclpy would not say which
             return SetParametersResult(
-                successful=False, reason=f'no such parameter: {", ".join(unknown)}')
+                successful=False, reason=f'no such parameter: {", ".join(unknown)}'
+            )
         deleted = [p.name for p in parameter_list if p.type_ is Parameter.Type.NOT_SET]
         if deleted:
             return SetParametersResult(
                 successful=False,
-                reason=f'{", ".join(deleted)}: cannot be deleted; set the value that is wanted')
+                reason=f'{", ".join(deleted)}: cannot be deleted; set the value that is wanted',
+            )
         result = self._check_parameters(parameter_list)
         return super().set_parameters_atomically(parameter_list) if result.successful else result
 
@@ -162,5 +167,8 @@ class ConfiguredNode(Node, ABC):
     def _values(self, axis: str) -> dict[str, object]:
         """Return those parameters of an axis that are set, without its topics."""
         values = {name: self.get_parameter(f'{axis}.{name}').value for name in AXIS_SPECS}
-        return {name: value for name, value in values.items()
-                if value is not None and name not in TOPICS}
+        return {
+            name: value
+            for name, value in values.items()
+            if value is not None and name not in TOPICS
+        }

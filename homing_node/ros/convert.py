@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """ROS messages to and from values, and parameter descriptors.
 
 Scalars are cast to their field's type: a wrong type is not noticed when a message is sent.
@@ -29,18 +30,29 @@ def descriptor(spec: Spec, read_only: bool = False) -> ParameterDescriptor:
     Typing is dynamic so that integers are accepted for real parameters; the node converts.
     """
     text = spec.text + (f' [{spec.unit}]' if spec.unit else '')
-    constraints = [spec.bounds and f'{spec.bounds} {spec.unit}'.rstrip(),
-                   spec.choices and 'one of ' + ', '.join(spec.choices)]
+    constraints = [
+        spec.bounds and f'{spec.bounds} {spec.unit}'.rstrip(),
+        spec.choices and 'one of ' + ', '.join(spec.choices),
+    ]
     described = ParameterDescriptor(
-        description=text, dynamic_typing=True, read_only=read_only,
-        additional_constraints='; '.join(c for c in constraints if c))
+        description=text,
+        dynamic_typing=True,
+        read_only=read_only,
+        additional_constraints='; '.join(c for c in constraints if c),
+    )
     bounded = math.isfinite(spec.minimum) or math.isfinite(spec.maximum)
     if spec.kind is float and bounded:
-        described.floating_point_range = [FloatingPointRange(
-            from_value=max(spec.minimum, -LARGEST), to_value=min(spec.maximum, LARGEST))]
+        described.floating_point_range = [
+            FloatingPointRange(
+                from_value=max(spec.minimum, -LARGEST), to_value=min(spec.maximum, LARGEST)
+            )
+        ]
     elif spec.kind is int and bounded:
-        described.integer_range = [IntegerRange(
-            from_value=int(max(spec.minimum, -2**31)), to_value=int(min(spec.maximum, 2**31)))]
+        described.integer_range = [
+            IntegerRange(
+                from_value=int(max(spec.minimum, -(2**31))), to_value=int(min(spec.maximum, 2**31))
+            )
+        ]
     return described
 
 
@@ -89,15 +101,20 @@ def home_message(outcomes: Mapping[str, Outcome]) -> str:
     homes = {axis: _warned(_home_text(one), one) for axis, one in outcomes.items()}
     several = len(homes) > 1
     return 'Homed: ' + '; '.join(
-        f'{axis}: {home}' if several else home for axis, home in homes.items())
+        f'{axis}: {home}' if several else home for axis, home in homes.items()
+    )
 
 
 def _home_text(outcome: Outcome) -> str:
-    text = (f'home_position_raw={outcome.home_position_raw:.12g} '
-            f'home_offset={outcome.home_offset:.12g} uncertainty={outcome.uncertainty:.3g}')
+    text = (
+        f'home_position_raw={outcome.home_position_raw:.12g} '
+        f'home_offset={outcome.home_offset:.12g} uncertainty={outcome.uncertainty:.3g}'
+    )
     if outcome.passes > 1:
-        text += (f' passes={outcome.passes} range={outcome.passes_range:.3g} '
-                 f'deviation={outcome.passes_deviation:.3g}')
+        text += (
+            f' passes={outcome.passes} range={outcome.passes_range:.3g} '
+            f'deviation={outcome.passes_deviation:.3g}'
+        )
     if outcome.index_margin is not None:
         text += f' index_margin={outcome.index_margin:.3f}'
     return text
@@ -109,8 +126,11 @@ def _warned(text: str, outcome: Outcome) -> str:
 
 def cancel_message(moving: Sequence[str], waiting: Sequence[str]) -> str:
     """Tell what was canceled: axes that moved and rest now, and axes that waited to start."""
-    parts = [f'{what}: {", ".join(names)}'
-             for what, names in (('at rest', moving), ('not started', waiting)) if names]
+    parts = [
+        f'{what}: {", ".join(names)}'
+        for what, names in (('at rest', moving), ('not started', waiting))
+        if names
+    ]
     return f'canceled, {"; ".join(parts)}' if parts else 'nothing to cancel'
 
 
@@ -118,11 +138,17 @@ def axis_state(stamp: int, axis: Axis) -> AxisState:
     """Tell where an axis stands; while it stops after an error, that error already."""
     outcome = axis.outcome
     message = AxisState(
-        axis=axis.name, state=str(axis.state), paused=axis.paused, homed=bool(axis.homed),
-        error=str(axis.error), message=axis.message, position=float(axis.position),
+        axis=axis.name,
+        state=str(axis.state),
+        paused=axis.paused,
+        homed=bool(axis.homed),
+        error=str(axis.error),
+        message=axis.message,
+        position=float(axis.position),
         home_offset=float(outcome.home_offset),
         home_position_raw=float(axis.home_position_raw),
-        uncertainty=float(outcome.uncertainty))
+        uncertainty=float(outcome.uncertainty),
+    )
     message.header.stamp = to_stamp(stamp)
     return message
 
@@ -155,11 +181,22 @@ def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
         level, text = DiagnosticStatus.WARN, f'{text}; {"; ".join(outcome.warnings)}'
     history = axis.history
     values = {
-        'state': axis.state, 'homed': axis.homed, 'error': outcome.error,
-        'home_position_raw': outcome.home_position_raw, 'home_offset': outcome.home_offset,
-        'uncertainty': outcome.uncertainty, 'index_margin': outcome.index_margin,
-        'runs': history.runs, 'runs_homed': history.homed, 'home_range': history.range,
-        'home_deviation': history.deviation}
+        'state': axis.state,
+        'homed': axis.homed,
+        'error': outcome.error,
+        'home_position_raw': outcome.home_position_raw,
+        'home_offset': outcome.home_offset,
+        'uncertainty': outcome.uncertainty,
+        'index_margin': outcome.index_margin,
+        'runs': history.runs,
+        'runs_homed': history.homed,
+        'home_range': history.range,
+        'home_deviation': history.deviation,
+    }
     return DiagnosticStatus(
-        level=level, name=f'{node}: {axis.name}', message=text, hardware_id=axis.name,
-        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])
+        level=level,
+        name=f'{node}: {axis.name}',
+        message=text,
+        hardware_id=axis.name,
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )

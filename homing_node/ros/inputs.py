@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's subscriptions, polled by the cycle: messages and their stamps to the axes."""
 
 from collections.abc import Callable, Mapping, Sequence
@@ -120,11 +121,16 @@ class Inputs:
         InvalidParameters, and changes nothing, where a topic cannot be subscribed to.
         """
         p = self._axes[name].parameters
-        wanted = {source: (topics.get(source) or f'~/{name}/{source}', p.inverted(source))
-                  for source in p.inputs}
+        wanted = {
+            source: (topics.get(source) or f'~/{name}/{source}', p.inverted(source))
+            for source in p.inputs
+        }
         old = self._wires[name]
-        wires = {wire.source: wire for wire in old
-                 if wanted.get(wire.source) == (wire.topic, wire.inverted)}
+        wires = {
+            wire.source: wire
+            for wire in old
+            if wanted.get(wire.source) == (wire.topic, wire.inverted)
+        }
         faults = []
         for source, (topic, inverted) in wanted.items():
             if source in wires:
@@ -163,9 +169,7 @@ class Inputs:
         while (taken := self._next_feedback()) is not None:
             self._take_feedback(*taken)
 
-    def unready(
-        self, name: str, publishers_of: Callable[[str], list[str]]
-    ) -> Outcome | None:
+    def unready(self, name: str, publishers_of: Callable[[str], list[str]]) -> Outcome | None:
         """Return why an axis's topics forbid a run: too many publishers, or what is not heard.
 
         ``publishers_of`` names the nodes that publish a topic.
@@ -176,19 +180,25 @@ class Inputs:
             if publishers > 1:
                 topic = wire.subscription.topic_name
                 nodes = ', '.join(publishers_of(topic))
-                return Outcome(Error.PublisherConflict, (
-                    f'axis {name}: {publishers} publishers on {topic}: {nodes} (one that was '
-                    'killed stays listed for about 20 s)'))
+                return Outcome(
+                    Error.PublisherConflict,
+                    (
+                        f'axis {name}: {publishers} publishers on {topic}: {nodes} (one that was '
+                        'killed stays listed for about 20 s)'
+                    ),
+                )
             if publishers == 0:
                 unpublished.append(wire.name)
             elif not wire.heard and wire.source not in LATCHES:
                 unheard.append(wire.name)
         if unpublished:
-            return Outcome(Error.SwitchUnknown,
-                           f'axis {name}: nobody publishes {", ".join(unpublished)}')
+            return Outcome(
+                Error.SwitchUnknown, f'axis {name}: nobody publishes {", ".join(unpublished)}'
+            )
         if unheard:
-            return Outcome(Error.SwitchUnknown,
-                           f'axis {name}: no message yet from {", ".join(unheard)}')
+            return Outcome(
+                Error.SwitchUnknown, f'axis {name}: no message yet from {", ".join(unheard)}'
+            )
         return None
 
     def watch(self) -> None:
@@ -277,9 +287,14 @@ class Inputs:
             return self._feeds[names]
         if len(self._feeds) >= MANY_FEEDS:
             del self._feeds[next(iter(self._feeds))]
-        feed = self._feeds[names] = Feed([
-            (place, self._by_joint[name]) for place, name in enumerate(names)
-            if name in self._by_joint], self._feedback_stamps)
+        feed = self._feeds[names] = Feed(
+            [
+                (place, self._by_joint[name])
+                for place, name in enumerate(names)
+                if name in self._by_joint
+            ],
+            self._feedback_stamps,
+        )
         return feed
 
 

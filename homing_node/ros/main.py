@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The process of the homing node: its start, its executor, its end.
 
 Python's collector rests until all is there: a start leaves next to no garbage, and looking for
@@ -55,6 +56,7 @@ def _create_node() -> 'HomingNode':
         scout = rclpy_implementation.Node('_homing_node', '/', context, None, False, False)
     try:
         from .node import HomingNode
+
         return HomingNode()
     finally:
         scout.destroy_when_not_in_use()
@@ -73,8 +75,12 @@ def main(args: list[str] | None = None) -> int:
     try:
         node = _create_node()
     except InvalidParameters as error:
-        print('homing_node: the parameters are not valid:', *error.faults, sep='\n  ',
-              file=sys.stderr)
+        print(
+            'homing_node: the parameters are not valid:',
+            *error.faults,
+            sep='\n  ',
+            file=sys.stderr,
+        )
         return 1
     executor = SingleThreadedExecutor()
     executor.add_node(node)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The homing node: topics, services and parameters around the axes.
 
 Three threads. The *cycle* polls the inputs, updates the axes and publishes setpoints on a fixed
@@ -78,8 +79,9 @@ class HomingNode(ConfiguredNode):
         self._cycle_timeout = checked.cycle_timeout
         self._by_trajectory = checked.setpoint_interface is SetpointInterface.trajectory
         self._joints = checked.joints
-        self._axes = {name: Axis(name, parameters, self._period)
-                      for name, parameters in checked.axes.items()}
+        self._axes = {
+            name: Axis(name, parameters, self._period) for name, parameters in checked.axes.items()
+        }
         self._writer = TrajectoryWriter(self._period)
         self._commands: dict[str, float] = {}  # of all axes while requests are active
         self._watched = 0.0
@@ -96,14 +98,27 @@ class HomingNode(ConfiguredNode):
         def subscribe(kind: Any, topic: str, qos: Any) -> Any:
             try:
                 return self.create_subscription(
-                    kind, topic, _never_called, qos, callback_group=polled,
-                    qos_overriding_options=OVERRIDABLE)
+                    kind,
+                    topic,
+                    _never_called,
+                    qos,
+                    callback_group=polled,
+                    qos_overriding_options=OVERRIDABLE,
+                )
             except (RuntimeError, NameValidationException) as error:  # another type; too long
                 why = str(error).partition('\n')[0].rstrip(':')
                 raise ValueError(f'cannot subscribe to {topic}: {why}') from None
 
-        self._inputs = Inputs(self._axes, self._joints, self._timebase, subscribe,
-                              self.destroy_subscription, BEST_EFFORT, Arrivals(), self._hold_up)
+        self._inputs = Inputs(
+            self._axes,
+            self._joints,
+            self._timebase,
+            subscribe,
+            self.destroy_subscription,
+            BEST_EFFORT,
+            Arrivals(),
+            self._hold_up,
+        )
         for name in self._axes:
             self._inputs.wire(name, self.topics_of(name))
         self._dispatch = Dispatch(self._axes, checked.home_sequence, self._unready)
@@ -115,28 +130,39 @@ class HomingNode(ConfiguredNode):
 
     def _create_publishers(self) -> None:
         self._trajectory = self.create_publisher(
-            JointTrajectory, '~/setpoints', 1, qos_overriding_options=OVERRIDABLE)
+            JointTrajectory, '~/setpoints', 1, qos_overriding_options=OVERRIDABLE
+        )
         self._position_commands = self.create_publisher(
-            Float64MultiArray, '~/position_commands', 1, qos_overriding_options=OVERRIDABLE)
+            Float64MultiArray, '~/position_commands', 1, qos_overriding_options=OVERRIDABLE
+        )
 
         def per_axis(kind: Any, name: str, qos: Any) -> dict[str, Any]:
-            return {axis: self.create_publisher(kind, f'~/{axis}/{name}', qos)
-                    for axis in self._axes}
+            return {
+                axis: self.create_publisher(kind, f'~/{axis}/{name}', qos) for axis in self._axes
+            }
 
         publishers = Publishers(
             states=per_axis(AxisState, 'state', latched(10)),
             servos=per_axis(Bool, 'servo_on', latched(1)),
             torque_limits=per_axis(Float64, 'torque_limit', latched(1)),
             joint_states=self.create_publisher(JointState, '~/joint_states', 10),
-            diagnostics=self.create_publisher(DiagnosticArray, '/diagnostics', 1))
+            diagnostics=self.create_publisher(DiagnosticArray, '/diagnostics', 1),
+        )
         self._reports = Reports(
-            self._axes, self._joints, publishers, self._ros_time, self._lock, self.get_name(),
-            self.get_logger())
+            self._axes,
+            self._joints,
+            publishers,
+            self._ros_time,
+            self._lock,
+            self.get_name(),
+            self.get_logger(),
+        )
 
     def _create_services(self) -> None:
         group = ReentrantCallbackGroup()
         services = Services(
-            self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll)
+            self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll
+        )
 
         def serve(kind: Any, name: str, callback: Any) -> None:
             self.create_service(kind, name, callback, callback_group=group)
@@ -154,8 +180,8 @@ class HomingNode(ConfiguredNode):
             return CancelResponse.ACCEPT
 
         self._action = ActionServer(
-            self, Home, '~/home', services.execute, cancel_callback=cancel,
-            callback_group=group)
+            self, Home, '~/home', services.execute, cancel_callback=cancel, callback_group=group
+        )
 
     def _ros_time(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -166,7 +192,8 @@ class HomingNode(ConfiguredNode):
             return Outcome(Error.InvalidParameter, '; '.join(self.faults[name]))
         if self._timebase.now < FIRST_INSTANT:
             return Outcome(
-                Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard, or is at 0')
+                Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard, or is at 0'
+            )
         if not self._by_trajectory:  # every axis is told a position, also one that only rests
             for axis in self._axes.values():
                 if not axis.known:
@@ -174,8 +201,10 @@ class HomingNode(ConfiguredNode):
         return self._inputs.unready(name, self._publishers_of)
 
     def _publishers_of(self, topic: str) -> list[str]:
-        return sorted(f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-                      for info in self.get_publishers_info_by_topic(topic))
+        return sorted(
+            f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+            for info in self.get_publishers_info_by_topic(topic)
+        )
 
     # -------------------------------------------------------------------------------- parameters
 
@@ -206,7 +235,8 @@ class HomingNode(ConfiguredNode):
         loops = {'cycle': self._cycle_loop, 'reports': self._reports.run}
         self._threads = [
             threading.Thread(target=self._guarded, args=(name, loop, ended), name=name)
-            for name, loop in loops.items()]
+            for name, loop in loops.items()
+        ]
         for thread in self._threads:
             thread.start()
 
@@ -272,8 +302,11 @@ class HomingNode(ConfiguredNode):
     def _hold_up(self, late: float) -> str:
         """Tell of a cycle that was late, s; '' where that is within the bound."""
         limit = self._cycle_timeout
-        return '' if late <= limit else (
-            f'a control cycle was {late:.3f} s late, more than {limit:g} s (cycle_timeout)')
+        return (
+            ''
+            if late <= limit
+            else (f'a control cycle was {late:.3f} s late, more than {limit:g} s (cycle_timeout)')
+        )
 
     def _cycle(self, now: float, due: float) -> None:
         """Poll the inputs, update the axes, publish the setpoints, answer what ended."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What others watch of the axes: states, the wanted servo, homed joints, diagnostics, the log.
 
 The cycle queues, a thread of its own publishes: a slow reader never delays a setpoint.
@@ -110,7 +111,8 @@ class Reports:
         told = -LINGER
         timetable = dict.fromkeys(
             (self._next_states, self._feedback, self._joint_states, self._diagnostics),
-            time.monotonic())
+            time.monotonic(),
+        )
         while not (ended() and self._queue.empty()):
             report, due = min(timetable.items(), key=itemgetter(1))
             try:
@@ -127,7 +129,9 @@ class Reports:
         """Send a goal of the action feedback about its axes."""
         with self._lock:
             self._goals[bytes(goal.goal_id.uuid)] = (
-                goal, [self._axes[name] for name in names if name in self._axes])
+                goal,
+                [self._axes[name] for name in names if name in self._axes],
+            )
 
     def unfollow(self, goal: Any) -> None:
         """Send a goal no more."""
@@ -137,8 +141,9 @@ class Reports:
     def states(self, names: Sequence[str]) -> list[Any]:
         """Return the state messages of those axes that exist; the lock is held."""
         stamp = self._stamp()
-        return [convert.axis_state(stamp, self._axes[name])
-                for name in names if name in self._axes]
+        return [
+            convert.axis_state(stamp, self._axes[name]) for name in names if name in self._axes
+        ]
 
     def _log(self, name: str, outcome: Outcome) -> None:
         """Log how a run of an axis ended; rclpy wants a line of its own for each level."""
@@ -159,9 +164,10 @@ class Reports:
             return STATE_PERIOD
         if self._turn >= len(running):
             self._turn = 0
-        for axis in running[self._turn:self._turn + STATES_AT_ONCE]:
-            self._queue.put((self._to.states[axis.name].publish,
-                             convert.axis_state(self._stamp(), axis)))
+        for axis in running[self._turn : self._turn + STATES_AT_ONCE]:
+            self._queue.put(
+                (self._to.states[axis.name].publish, convert.axis_state(self._stamp(), axis))
+            )
         self._turn += STATES_AT_ONCE
         return STATE_PERIOD / math.ceil(len(running) / STATES_AT_ONCE)
 
@@ -172,15 +178,21 @@ class Reports:
         return STATE_PERIOD
 
     def _joint_states(self) -> float:
-        homed = {self._joints[axis.name]: axis.position
-                 for axis in self._axes.values() if axis.homed}
+        homed = {
+            self._joints[axis.name]: axis.position for axis in self._axes.values() if axis.homed
+        }
         if not homed:
             return STATE_PERIOD
-        self._queue.put((self._to.joint_states.publish,
-                         convert.joint_states(self._stamp(), homed)))
+        self._queue.put(
+            (self._to.joint_states.publish, convert.joint_states(self._stamp(), homed))
+        )
         return JOINT_STATES_PERIOD
 
     def _diagnostics(self) -> float:
-        self._queue.put((self._to.diagnostics.publish, convert.diagnostics(
-            self._stamp(), self._node_name, self._axes.values())))
+        self._queue.put(
+            (
+                self._to.diagnostics.publish,
+                convert.diagnostics(self._stamp(), self._node_name, self._axes.values()),
+            )
+        )
         return DIAGNOSTICS_PERIOD

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The two messages of every cycle in their serialized form, without message objects in between.
 
 An object and its conversion cost several times as much as all else that is done with the values.
@@ -48,7 +49,7 @@ class JointStateReader:
 
     def _read_head(self, data: bytes) -> None:
         _, at = _text(data, 12)
-        count, = LENGTH.unpack_from(data, at)
+        (count,) = LENGTH.unpack_from(data, at)
         at += 4
         names = []
         for _ in range(count):
@@ -63,9 +64,9 @@ class JointStateReader:
 
 def _text(data: bytes, at: int) -> tuple[str, int]:
     """Return a text and where the next number of four bytes stands."""
-    length, = LENGTH.unpack_from(data, at)
+    (length,) = LENGTH.unpack_from(data, at)
     end = at + 4 + length
-    return data[at + 4:end - 1].decode(errors='replace'), end + -end % 4
+    return data[at + 4 : end - 1].decode(errors='replace'), end + -end % 4
 
 
 class TrajectoryWriter:
@@ -88,16 +89,28 @@ class TrajectoryWriter:
         if names != self._names:
             self._write_frame(names)
         positions, velocities, accelerations = zip(*setpoints, strict=True)
-        self._numbers.pack_into(self._data, self._begin, *positions, count, *velocities, count,
-                                *accelerations)
+        self._numbers.pack_into(
+            self._data, self._begin, *positions, count, *velocities, count, *accelerations
+        )
         return bytes(self._data)
 
     def _write_frame(self, names: list[str]) -> None:
         marks = [MARK] * len(names)
-        self._data = bytearray(serialize_message(JointTrajectory(
-            joint_names=names, points=[JointTrajectoryPoint(
-                positions=marks, velocities=marks, accelerations=marks,
-                time_from_start=self._ahead)])))
+        self._data = bytearray(
+            serialize_message(
+                JointTrajectory(
+                    joint_names=names,
+                    points=[
+                        JointTrajectoryPoint(
+                            positions=marks,
+                            velocities=marks,
+                            accelerations=marks,
+                            time_from_start=self._ahead,
+                        )
+                    ],
+                )
+            )
+        )
         self._begin = self._data.index(struct.pack('=d', MARK))
         doubles = f'{len(names)}d'
         self._numbers = struct.Struct('=' + 'I4x'.join([doubles] * 3))

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What clients ask of the axes: the node's services and its action.
 
 Every callback is short or a coroutine that awaits an answer of the cycle, so that the executor
@@ -28,7 +29,11 @@ class Services:
     """
 
     def __init__(
-        self, dispatch: Dispatch, reports: Reports, timebase: TimeBase, lock: threading.Lock,
+        self,
+        dispatch: Dispatch,
+        reports: Reports,
+        timebase: TimeBase,
+        lock: threading.Lock,
         poll: Callable[[], None],
     ) -> None:
         self._dispatch, self._reports = dispatch, reports
@@ -102,8 +107,7 @@ class Services:
             goal.abort()
         with self._lock:
             states = self._reports.states(names)
-        return Home.Result(
-            success=success, message=convert.home_message(outcomes), states=states)
+        return Home.Result(success=success, message=convert.home_message(outcomes), states=states)
 
     def cancel_goal(self, goal: Any) -> None:
         """Stop what a goal homes; its result comes when its axes are at rest."""

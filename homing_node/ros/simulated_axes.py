@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The executable `simulated_axes`: the plant of simulation.py as a process of its own.
 
 The homing node takes the time of an edge from the time stamp that the middleware gives the

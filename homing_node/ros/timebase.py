@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's clock: the time of the core, how stamps relate to it, and waiting for the next cycle.
 
 Without ``use_sim_time`` the core's time is the monotonic clock, and stamps (system time) are
@@ -69,7 +70,8 @@ class TimeBase:
         if self.simulated:
             looked, self._looked = self._looked, time.monotonic()
             self._stood = (
-                self._stood + min(self._looked - looked, BLINK) if self.now == before else 0.0)
+                self._stood + min(self._looked - looked, BLINK) if self.now == before else 0.0
+            )
         return self.now
 
     def relate(self) -> None:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How messages leave a process: over UDP, not through shared memory, unless the user has chosen.
 
 On one machine Fast DDS hands messages over in shared memory, where each receiver has a queue with
@@ -9,8 +10,11 @@ from collections.abc import MutableMapping
 from pathlib import Path
 
 #: What a user chooses the transports of Fast DDS by.
-CHOICES = ('FASTDDS_BUILTIN_TRANSPORTS', 'FASTDDS_DEFAULT_PROFILES_FILE',
-           'FASTRTPS_DEFAULT_PROFILES_FILE')
+CHOICES = (
+    'FASTDDS_BUILTIN_TRANSPORTS',
+    'FASTDDS_DEFAULT_PROFILES_FILE',
+    'FASTRTPS_DEFAULT_PROFILES_FILE',
+)
 #: The range LOCALHOST, for which rmw_fastrtps has transports of its own, without shared memory.
 LOCALHOST = Path(__file__).with_name('localhost.xml')
 
