@@ -4,9 +4,9 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from homing_node.parameters.axis import SPECS
-from homing_node.parameters.configuration import NODE_SPECS, TOPIC_SPECS
-from homing_node.parameters.definition import Spec
+from homing_node.parameters.axis import DEFINITIONS
+from homing_node.parameters.configuration import NODE_DEFINITIONS, TOPIC_DEFINITIONS
+from homing_node.parameters.definition import Definition
 from homing_node.procedures.states import LSType
 
 PAGE = Path(__file__).resolve().parent.parent / 'doc' / 'parameters.md'
@@ -69,49 +69,55 @@ The topic of each input; empty means `~/<axis>/<input>`.
 
 def page() -> str:
     """Return the whole page."""
-    parts = [HEAD, table(NODE_SPECS.values()), AXIS]
-    names = list(SPECS)
+    parts = [HEAD, table(NODE_DEFINITIONS.values()), AXIS]
+    names = list(DEFINITIONS)
     starts = [names.index(name) for name in SECTIONS]
     for title, start, end in zip(SECTIONS.values(), starts, [*starts[1:], None], strict=True):
-        rows = table(SPECS[name] for name in names[start:end])
+        rows = table(DEFINITIONS[name] for name in names[start:end])
         parts.append(f'\n## {title}\n\n{rows}')
-    parts += [TOPICS, ', '.join(f'`{name}`' for name in TOPIC_SPECS), '\n']
+    parts += [TOPICS, ', '.join(f'`{name}`' for name in TOPIC_DEFINITIONS), '\n']
     return ''.join(parts)
 
 
-def table(specs: Iterable[Spec]) -> str:
+def table(definitions: Iterable[Definition]) -> str:
     """Return a table of parameters."""
     rows = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
-    for spec in specs:
-        cells = f'`{spec.name}`', default(spec), spec.unit, allowed(spec), spec.text
+    for definition in definitions:
+        cells = (
+            f'`{definition.name}`',
+            default(definition),
+            definition.unit,
+            allowed(definition),
+            definition.text,
+        )
         rows.append('| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |')
     return '\n'.join(rows) + '\n'
 
 
-def default(spec: Spec) -> str:
+def default(definition: Definition) -> str:
     """Return the default as it is written in YAML."""
-    if spec.required:
+    if definition.required:
         return '**required**'
-    value = spec.default
+    value = definition.default
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
         return ', '.join(f'`{item}`' for item in value)
     if isinstance(value, float):
         return f'{value:g}'
-    return f'`{value}`' if value else {str: '`""`', list: '`[]`'}.get(spec.kind, '0')
+    return f'`{value}`' if value else {str: '`""`', list: '`[]`'}.get(definition.kind, '0')
 
 
-def allowed(spec: Spec) -> str:
+def allowed(definition: Definition) -> str:
     """Return the bounds or the choices."""
-    if spec.name == 'home_type':
+    if definition.name == 'home_type':
         return '[home types](types/README.md)'
-    if spec.name == 'switches':
+    if definition.name == 'switches':
         return 'the names under [Topics](#topics)'
-    if spec.kind is LSType:
+    if definition.kind is LSType:
         return '[LS Type](homing.md#limit-switches)'
-    choices = ', '.join(f'`{choice}`' for choice in spec.choices)
-    return choices or spec.bounds.replace('<=', '≤').replace('>=', '≥')
+    choices = ', '.join(f'`{choice}`' for choice in definition.choices)
+    return choices or definition.bounds.replace('<=', '≤').replace('>=', '≥')
 
 
 if __name__ == '__main__':

@@ -14,7 +14,7 @@ from homing_node.check.bounds import Bounds
 from homing_node.check.ends import Ends
 from homing_node.check.finding import down, up
 from homing_node.check.stopping import stopping_distance
-from homing_node.parameters.axis import SPECS, axis_parameters
+from homing_node.parameters.axis import DEFINITIONS, axis_parameters
 from homing_node.parameters.configuration import configuration
 from homing_node.plant.geometry import Geometry, true_home
 from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
@@ -733,9 +733,9 @@ def test_the_good_axis_has_no_finding_but_the_index_that_it_does_not_use():
 def test_what_is_called_right_is_right(case):
     """With the value that a finding asks for, the finding is gone, or no longer that bad."""
     found = matching(case, case.found())[0]
-    assert found.parameter.split(' ')[0] in SPECS, found.parameter
+    assert found.parameter.split(' ')[0] in DEFINITIONS, found.parameter
     value = found.right
-    if SPECS[found.parameter].kind is int:
+    if DEFINITIONS[found.parameter].kind is int:
         value = int(value)
     again = replace(case, values={**case.values, found.parameter: value})
     left = [
@@ -800,8 +800,8 @@ def test_what_homes_is_no_error(case, direction):
 @pytest.mark.parametrize('case', WITHOUT + WITH, ids=lambda case: case.check)
 def test_what_is_called_right_can_be_written_into_the_file(case):
     for one in case.found():
-        if one.right is not None and one.parameter in SPECS and one.parameter != 'switches':
-            kind = SPECS[one.parameter].kind
+        if one.right is not None and one.parameter in DEFINITIONS and one.parameter != 'switches':
+            kind = DEFINITIONS[one.parameter].kind
             right = int(one.right) if kind is int else one.right
             names = filter(None, (one.parameter, one.also))
             axis_parameters({**VALUES, **case.values, **dict.fromkeys(names, right)})
@@ -1221,7 +1221,7 @@ def test_any_layout_is_judged(home_type, known, ends, velocity, debounce, offset
 @pytest.mark.parametrize('home_type', HomeType)
 def test_absurd_parameters_are_judged_too(home_type, value):
     example = EXAMPLES[home_type]
-    rates = [name for name, spec in SPECS.items() if spec.unit.startswith('m/s')]
+    rates = [name for name, definition in DEFINITIONS.items() if definition.unit.startswith('m/s')]
     for names in [*([name] for name in rates), rates]:
         parameters = replace(example.parameters, **dict.fromkeys(names, value))
         for layout in (example.layout, None):

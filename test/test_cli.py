@@ -15,7 +15,7 @@ import yaml
 
 from homing_node.cli import main
 from homing_node.figures import record
-from homing_node.parameters.axis import SPECS
+from homing_node.parameters.axis import DEFINITIONS
 from homing_node.plant.timing import Timing
 from homing_node.procedures.states import HomeType
 from homing_node.rehearsal.examples import EXAMPLES
@@ -648,4 +648,4 @@ def test_every_parameter_that_a_remedy_names_exists(capsys):
     config = write('axes.yaml', {'x': demo(max_jerk=1.0, ls_dec=0.1, travel=0.4)})
     _, out, _ = run(capsys, 'check', config, '--layout', PLANT, '--json')
     named = {one['parameter'] for one in json.loads(out)['findings'] if one['right'] is not None}
-    assert named and named <= set(SPECS)
+    assert named and named <= set(DEFINITIONS)

@@ -3,10 +3,10 @@
 
 import pytest
 
-from homing_node.parameters.axis import SPECS
+from homing_node.parameters.axis import DEFINITIONS
 from homing_node.parameters.configuration import (
-    AXIS_SPECS,
-    NODE_SPECS,
+    AXIS_DEFINITIONS,
+    NODE_DEFINITIONS,
     RESERVED,
     SetpointInterface,
     check_axis_values,
@@ -221,8 +221,8 @@ def test_a_value_of_the_node():
 
 
 def test_every_parameter_is_described():
-    for name, spec in {**NODE_SPECS, **AXIS_SPECS}.items():
-        assert spec.name == name
-        assert spec.text
-    assert set(SPECS) < set(AXIS_SPECS)
-    assert {f'topics.{name}' for name in Input} == set(AXIS_SPECS) - set(SPECS)
+    for name, definition in {**NODE_DEFINITIONS, **AXIS_DEFINITIONS}.items():
+        assert definition.name == name
+        assert definition.text
+    assert set(DEFINITIONS) < set(AXIS_DEFINITIONS)
+    assert {f'topics.{name}' for name in Input} == set(AXIS_DEFINITIONS) - set(DEFINITIONS)

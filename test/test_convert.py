@@ -9,7 +9,7 @@ from std_msgs.msg import Bool, Float64
 from homing_node.core.axis import Axis
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import axis_parameters
-from homing_node.parameters.configuration import AXIS_SPECS, NODE_SPECS
+from homing_node.parameters.configuration import AXIS_DEFINITIONS, NODE_DEFINITIONS
 from homing_node.procedures.states import Error, Input
 from homing_node.ros import convert
 
@@ -22,32 +22,34 @@ def axis():
 
 
 @pytest.mark.parametrize(
-    'spec', [*NODE_SPECS.values(), *AXIS_SPECS.values()], ids=lambda spec: spec.name
+    'definition',
+    [*NODE_DEFINITIONS.values(), *AXIS_DEFINITIONS.values()],
+    ids=lambda definition: definition.name,
 )
-def test_descriptors(spec):
-    described = convert.descriptor(spec)
+def test_descriptors(definition):
+    described = convert.descriptor(definition)
     assert described.dynamic_typing  # integers for real numbers
-    assert spec.text in described.description
-    if spec.unit:
-        assert f'[{spec.unit}]' in described.description
-    for choice in spec.choices:
+    assert definition.text in described.description
+    if definition.unit:
+        assert f'[{definition.unit}]' in described.description
+    for choice in definition.choices:
         assert choice in described.additional_constraints
     for bounds in (*described.floating_point_range, *described.integer_range):
         assert bounds.from_value <= bounds.to_value
         assert bounds.step == 0
-    if spec.bounds:
-        assert spec.bounds in described.additional_constraints
+    if definition.bounds:
+        assert definition.bounds in described.additional_constraints
         assert described.floating_point_range or described.integer_range
-    assert convert.descriptor(spec, read_only=True).read_only
+    assert convert.descriptor(definition, read_only=True).read_only
 
 
 def test_plain_values():
-    assert convert.plain(AXIS_SPECS['switches'].default) == [
+    assert convert.plain(AXIS_DEFINITIONS['switches'].default) == [
         'home_switch',
         'positive_limit_switch',
         'negative_limit_switch',
     ]
-    for value in (AXIS_SPECS['ls_type'].default, Input.Z_PULSE):
+    for value in (AXIS_DEFINITIONS['ls_type'].default, Input.Z_PULSE):
         assert type(convert.plain(value)) is str
     assert convert.plain(5) == 5
     assert convert.plain(True) is True

@@ -26,7 +26,7 @@ from rclpy.action import get_action_names_and_types
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from homing_node.cli import main
-from homing_node.parameters.axis import SPECS
+from homing_node.parameters.axis import DEFINITIONS
 from homing_node.parameters.configuration import configuration
 from homing_node.parameters.yaml_file import load, read
 from homing_node.plant import layout_file
@@ -220,7 +220,7 @@ def test_parameters_page_is_generated():
     spec.loader.exec_module(reference)
     page = reference.page()
     assert (DOC / 'parameters.md').read_text() == page, 'run `make docs`'
-    for name in SPECS:
+    for name in DEFINITIONS:
         assert page.count(f'\n| `{name}` |') == 1
 
 
@@ -299,7 +299,7 @@ def test_every_parameter_that_is_named_exists():
     text = ''.join(page.read_text() for page in PAGES if page.name != 'parameters.md')
     prefixes = ('homing_', 'home_', 'max_', 'invert_', 'switch_', 'mechanical_end_detection_')
     known = {
-        *SPECS,
+        *DEFINITIONS,
         *Input,
         'homing_node',
         'homing_interfaces',

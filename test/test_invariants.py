@@ -27,7 +27,7 @@ from core_rig import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homing_node.parameters.axis import SPECS
+from homing_node.parameters.axis import DEFINITIONS
 from homing_node.plant.layout import SwitchLayout
 from homing_node.procedures.states import Error, HomeType
 from homing_node.rehearsal.run import Transport
@@ -288,7 +288,7 @@ def test_scaling_all_lengths_scales_the_run(home_type, data):
         **{
             name: value * scale
             for name, value in one.values.items()
-            if SPECS[name].unit.startswith('m')
+            if DEFINITIONS[name].unit.startswith('m')
         }
     )
     large = large.built(

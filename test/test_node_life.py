@@ -378,8 +378,8 @@ def create_scout(*arguments, create=main.rclpy_implementation.Node):
     from homing_node.ros.node import HomingNode
 
     def start(node, start=HomingNode.start):
-        from homing_node.parameters.configuration import AXIS_SPECS
-        print(gc.isenabled(), gc.get_freeze_count() > 10_000, told.count(len(AXIS_SPECS)))
+        from homing_node.parameters.configuration import AXIS_DEFINITIONS
+        print(gc.isenabled(), gc.get_freeze_count() > 10_000, told.count(len(AXIS_DEFINITIONS)))
         ends = node.get_topic_names_and_types() + node.get_service_names_and_types()
         print(node.get_node_names(), [name for name, _ in ends if '_homing_node' in name])
         start(node)

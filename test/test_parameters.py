@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_node.parameters.axis import SPECS, AxisParameters, axis_parameters, switch_inputs
+from homing_node.parameters.axis import DEFINITIONS, AxisParameters, axis_parameters, switch_inputs
 from homing_node.parameters.definition import REQUIRED, InvalidParameters
 from homing_node.procedures.motions import Pace, Way
 from homing_node.procedures.states import LIMIT_SWITCHES, Direction, HomeType, Input, LSType, Tier
@@ -108,33 +108,33 @@ DEFAULTS = {
     'switch_stamp_error': 0.002,
 }
 RATIOS = ('z_pulse_distance_tolerance', 'index_margin')
-REALS = [name for name, spec in SPECS.items() if spec.kind is float]
+REALS = [name for name, definition in DEFINITIONS.items() if definition.kind is float]
 SIGNED = ('home_shift_distance', 'home_position')
-POSITIVE = [name for name in REALS if SPECS[name].open_minimum]
+POSITIVE = [name for name in REALS if DEFINITIONS[name].open_minimum]
 
 
 def test_every_parameter_stands_in_the_table():
-    assert set(SPECS) == set(DEFAULTS)
+    assert set(DEFINITIONS) == set(DEFAULTS)
 
 
 @pytest.mark.parametrize('name', DEFAULTS)
 def test_default(name):
-    assert SPECS[name].default == DEFAULTS[name]
+    assert DEFINITIONS[name].default == DEFAULTS[name]
     if DEFAULTS[name] is not REQUIRED:
         assert getattr(built(), name) == DEFAULTS[name]
 
 
-@pytest.mark.parametrize('name', SPECS)
+@pytest.mark.parametrize('name', DEFINITIONS)
 def test_every_parameter_is_explained(name):
-    spec = SPECS[name]
-    assert spec.name == name
-    assert spec.text
-    assert spec.kind is not float or spec.unit or name in RATIOS
+    definition = DEFINITIONS[name]
+    assert definition.name == name
+    assert definition.text
+    assert definition.kind is not float or definition.unit or name in RATIOS
 
 
 @pytest.mark.parametrize('name', POSITIVE)
 def test_what_must_be_positive(name):
-    assert fault(**{name: 0.0}).startswith(f'{name}: 0.0 {SPECS[name].unit} must be > 0')
+    assert fault(**{name: 0.0}).startswith(f'{name}: 0.0 {DEFINITIONS[name].unit} must be > 0')
     assert fault(**{name: -1.0}).startswith(f'{name}: -1.0')
 
 
@@ -179,13 +179,13 @@ def test_reals_are_finite(name, value):
 def test_reals_are_numbers(name, value):
     found = fault(**{name: value})
     assert found.startswith(f'{name}: {value!r} is not a number')
-    assert not SPECS[name].unit or f'({SPECS[name].unit})' in found
+    assert not DEFINITIONS[name].unit or f'({DEFINITIONS[name].unit})' in found
 
 
 @pytest.mark.parametrize('name', REALS)
 def test_integers_are_accepted_for_reals(name):
-    whole = 0 if SPECS[name].maximum < 1 else 1
-    value = SPECS[name].convert(whole)
+    whole = 0 if DEFINITIONS[name].maximum < 1 else 1
+    value = DEFINITIONS[name].convert(whole)
     assert value == whole
     assert isinstance(value, float)
 
@@ -545,7 +545,7 @@ def test_direction_signs():
 
 @given(
     st.dictionaries(
-        st.sampled_from(sorted(SPECS)) | st.text(max_size=5),
+        st.sampled_from(sorted(DEFINITIONS)) | st.text(max_size=5),
         st.none()
         | st.booleans()
         | st.integers(-5, 5)

@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..parameters.axis import SPECS, AxisParameters
+from ..parameters.axis import DEFINITIONS, AxisParameters
 from .finding import Finding
 
 #: What must follow a parameter where the file would else contradict itself.
@@ -18,7 +18,7 @@ FOLLOWS: Mapping[str, str] = {
 def applicable(finding: Finding, parameters: AxisParameters) -> Finding:
     """Return the finding, its remedy completed, or without one if no such file is valid."""
     name, right = finding.parameter, finding.right
-    if right is None or name not in SPECS or SPECS[name].kind is tuple:
+    if right is None or name not in DEFINITIONS or DEFINITIONS[name].kind is tuple:
         return finding
     for names in [name], [name, FOLLOWS.get(name, name)]:
         if _valid(parameters, names, right):
@@ -30,8 +30,8 @@ def _valid(parameters: AxisParameters, names: list[str], right: object) -> bool:
     """Tell whether the parameters are no worse with a value."""
     try:
         values = {
-            name: SPECS[name].convert(
-                int(right) if SPECS[name].kind is int and isinstance(right, float) else right
+            name: DEFINITIONS[name].convert(
+                int(right) if DEFINITIONS[name].kind is int and isinstance(right, float) else right
             )
             for name in names
         }

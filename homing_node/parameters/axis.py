@@ -26,11 +26,11 @@ from ..procedures.states import (
     Tier,
 )
 from ..procedures.tables import PROCEDURES, Procedure
-from .definition import REQUIRED, InvalidParameters, Spec, suggestion
+from .definition import REQUIRED, Definition, InvalidParameters, suggestion
 
 
 def _parameter(kind: type, default: Any, text: str, unit: str = '', **bounds: Any) -> Any:
-    metadata = {'spec': Spec(text, kind, unit, **bounds)}
+    metadata = {'definition': Definition(text, kind, unit, **bounds)}
     if default is REQUIRED:
         return dataclasses.field(metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -410,8 +410,8 @@ class AxisParameters:
         return []
 
 
-SPECS: Mapping[str, Spec] = {
-    f.name: f.metadata['spec']._replace(
+DEFINITIONS: Mapping[str, Definition] = {
+    f.name: f.metadata['definition']._replace(
         name=f.name, default=REQUIRED if f.default is dataclasses.MISSING else f.default
     )
     for f in dataclasses.fields(AxisParameters)
@@ -427,17 +427,17 @@ def axis_parameters(values: Mapping[str, object], axis: str = '') -> AxisParamet
     prefix = f'{axis}.' if axis else ''
     faults, good = [], {}
     for name, value in values.items():
-        if name not in SPECS:
-            faults.append(f'{name}: no such parameter' + suggestion(name, SPECS))
+        if name not in DEFINITIONS:
+            faults.append(f'{name}: no such parameter' + suggestion(name, DEFINITIONS))
             continue
         try:
-            good[name] = SPECS[name].convert(value)
+            good[name] = DEFINITIONS[name].convert(value)
         except ValueError as error:
             faults.append(str(error))
-    for name, spec in SPECS.items():
-        if spec.required and name not in values:
-            unit = f', {spec.unit}' if spec.unit else ''
-            faults.append(f'{name}: required, but not set ({spec.text}{unit})')
+    for name, definition in DEFINITIONS.items():
+        if definition.required and name not in values:
+            unit = f', {definition.unit}' if definition.unit else ''
+            faults.append(f'{name}: required, but not set ({definition.text}{unit})')
     for tier in ('', 'near_', 'external_'):
         if good.get(f'{tier}ls_type') is LSType.SeparatePositiveLSNegativeLS:
             needed = (f'{tier}positive_ls_type', f'{tier}negative_ls_type')

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of the node and of all its axes, from ROS or from a YAML file.
 
-The node's own parameters stand in NODE_SPECS, those of an axis in parameters.SPECS; an axis's
-topic names are ``<axis>.topics.<input>``. SI units.
+NODE_DEFINITIONS holds the node's own parameters, AXIS_DEFINITIONS the parameters of each axis and
+the names of its topics, ``<axis>.topics.<input>``. SI units.
 """
 
 import re
@@ -11,8 +11,8 @@ from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from ..procedures.states import Input, Word
-from .axis import SPECS, AxisParameters, axis_parameters
-from .definition import REQUIRED, InvalidParameters, Spec
+from .axis import DEFINITIONS, AxisParameters, axis_parameters
+from .definition import REQUIRED, Definition, InvalidParameters
 from .qos import check_override
 
 AXIS_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
@@ -55,11 +55,11 @@ class SetpointInterface(Word):
     position = 'position'
 
 
-NODE_SPECS: Mapping[str, Spec] = {
-    spec.name: spec
-    for spec in (
-        Spec('the names of the axes', list, name='axes'),
-        Spec(
+NODE_DEFINITIONS: Mapping[str, Definition] = {
+    definition.name: definition
+    for definition in (
+        Definition('the names of the axes', list, name='axes'),
+        Definition(
             'rate of the control cycle',
             float,
             'Hz',
@@ -68,7 +68,7 @@ NODE_SPECS: Mapping[str, Spec] = {
             name='update_rate',
             default=250.0,
         ),
-        Spec(
+        Definition(
             'a cycle that is later than this ends the run',
             float,
             's',
@@ -77,13 +77,13 @@ NODE_SPECS: Mapping[str, Spec] = {
             name='cycle_timeout',
             default=0.2,
         ),
-        Spec(
+        Definition(
             'how setpoints are published: ~/setpoints or ~/position_commands',
             SetpointInterface,
             name='setpoint_interface',
             default=SetpointInterface.trajectory,
         ),
-        Spec(
+        Definition(
             'groups of axes that home together, in order, e.g. ["z", "x, y"] '
             '(empty: one after another)',
             list,
@@ -94,11 +94,11 @@ NODE_SPECS: Mapping[str, Spec] = {
 }
 
 #: What every ROS node has.
-COMMON_SPECS: Mapping[str, Spec] = {
-    spec.name: spec
-    for spec in (
-        Spec('follow /clock', bool, name='use_sim_time', default=False),
-        Spec(
+COMMON_DEFINITIONS: Mapping[str, Definition] = {
+    definition.name: definition
+    for definition in (
+        Definition('follow /clock', bool, name='use_sim_time', default=False),
+        Definition(
             'serve the descriptions of types',
             bool,
             name='start_type_description_service',
@@ -108,7 +108,7 @@ COMMON_SPECS: Mapping[str, Spec] = {
 }
 
 
-class TopicSpec(Spec):
+class TopicDefinition(Definition):
     """The name of a topic; '' is the default's."""
 
     def convert(self, value: object) -> Any:
@@ -118,8 +118,8 @@ class TopicSpec(Spec):
         return topic
 
 
-TOPIC_SPECS: Mapping[str, Spec] = {
-    f'topics.{name}': TopicSpec(
+TOPIC_DEFINITIONS: Mapping[str, Definition] = {
+    f'topics.{name}': TopicDefinition(
         f'topic of {name} (empty: ~/<axis>/{name})', str, name=f'topics.{name}', default=''
     )
     for name in Input
@@ -128,7 +128,7 @@ TOPIC_SPECS: Mapping[str, Spec] = {
 #: The input whose topic a parameter names.
 TOPICS: Mapping[str, Input] = {f'topics.{name}': name for name in Input}
 
-AXIS_SPECS: Mapping[str, Spec] = {**SPECS, **TOPIC_SPECS}
+AXIS_DEFINITIONS: Mapping[str, Definition] = {**DEFINITIONS, **TOPIC_DEFINITIONS}
 
 
 class Configuration(NamedTuple):
@@ -154,9 +154,9 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
     """
     faults: list[str] = []
     node: dict[str, Any] = {}
-    for name, spec in NODE_SPECS.items():
+    for name, definition in NODE_DEFINITIONS.items():
         try:
-            node[name] = _node_value(spec, values.get(name))
+            node[name] = _node_value(definition, values.get(name))
         except ValueError as error:
             faults.append(str(error))
     names = list(dict.fromkeys(node.get('axes', [])))
@@ -172,10 +172,10 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         topics[axis] = {}
         for name in (name for name in TOPICS if own.get(name) is not None):
             try:
-                topics[axis][TOPICS[name]] = TOPIC_SPECS[name].convert(own[name])
+                topics[axis][TOPICS[name]] = TOPIC_DEFINITIONS[name].convert(own[name])
             except ValueError as error:
                 faults.append(f'{axis}.{error}')
-        own = {name: value for name, value in own.items() if name not in TOPIC_SPECS}
+        own = {name: value for name, value in own.items() if name not in TOPIC_DEFINITIONS}
         try:
             axes[axis] = axis_parameters(own, axis)
         except InvalidParameters as error:
@@ -219,7 +219,7 @@ def home_sequence(groups: list[str], axes: list[str]) -> tuple[tuple[str, ...], 
 
 def check_axis_values(axis: str, values: Mapping[str, object]) -> tuple[str, ...]:
     """Return the faults of an axis's parameters taken together, cross-checks included."""
-    own = {name: value for name, value in values.items() if name not in TOPIC_SPECS}
+    own = {name: value for name, value in values.items() if name not in TOPIC_DEFINITIONS}
     try:
         axis_parameters(own, axis)
     except InvalidParameters as error:
@@ -229,24 +229,24 @@ def check_axis_values(axis: str, values: Mapping[str, object]) -> tuple[str, ...
 
 def check_node_value(name: str, value: Any, axes: list[str]) -> None:
     """Check one of the node's own parameters; raises ValueError that says what is wrong."""
-    value = _node_value(NODE_SPECS[name], value)
+    value = _node_value(NODE_DEFINITIONS[name], value)
     if name == 'home_sequence':
         home_sequence(value, axes)
 
 
-def _node_value(spec: Spec, value: Any) -> Any:
+def _node_value(definition: Definition, value: Any) -> Any:
     if value is None:
-        if spec.default is REQUIRED:
-            raise ValueError(f'{spec.name}: required, but not set ({spec.text})')
-        return spec.default
-    if spec.kind is list:
+        if definition.default is REQUIRED:
+            raise ValueError(f'{definition.name}: required, but not set ({definition.text})')
+        return definition.default
+    if definition.kind is list:
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
             raise ValueError(
-                f'{spec.name}: {value!r} is not a list of strings; quote the names, '
+                f'{definition.name}: {value!r} is not a list of strings; quote the names, '
                 "YAML reads an unquoted y as true: ['x', 'y']"
             )
         return value
-    return spec.convert(value)
+    return definition.convert(value)
 
 
 def _bad_names(names: list[str] | None) -> list[str]:
@@ -265,15 +265,15 @@ def _bad_names(names: list[str] | None) -> list[str]:
 
 def _common(name: str) -> bool:
     """Whether every ROS node has such a parameter."""
-    return name in COMMON_SPECS or name.startswith('qos_overrides.')
+    return name in COMMON_DEFINITIONS or name.startswith('qos_overrides.')
 
 
 def _bad_common(values: Mapping[str, Any]) -> list[str]:
     faults = []
     for name, value in values.items():
         try:
-            if name in COMMON_SPECS:
-                COMMON_SPECS[name].convert(value)
+            if name in COMMON_DEFINITIONS:
+                COMMON_DEFINITIONS[name].convert(value)
             elif _common(name):
                 check_override(name, value)
         except ValueError as error:
@@ -286,9 +286,9 @@ def _unknown(values: Mapping[str, Any], axes: list[str]) -> list[str]:
     faults = []
     for name in values:
         axis, dot, _ = name.partition('.')
-        if name in NODE_SPECS or _common(name) or (dot and axis in axes):
+        if name in NODE_DEFINITIONS or _common(name) or (dot and axis in axes):
             continue
-        close = get_close_matches(name, [*NODE_SPECS, *(f'{axis}.' for axis in axes)], 1)
+        close = get_close_matches(name, [*NODE_DEFINITIONS, *(f'{axis}.' for axis in axes)], 1)
         hint = f'; did you mean {close[0]!r}?' if close else ''
         if dot:
             hint = f'; {axis!r} is none of the axes {", ".join(axes)}'

@@ -24,7 +24,7 @@ REQUIRED: Any = object()
 LARGEST = 1e300
 
 
-class Spec(NamedTuple):
+class Definition(NamedTuple):
     """What is known of one parameter: its kind, unit, bounds and meaning."""
 
     text: str

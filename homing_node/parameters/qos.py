@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping
 
 from ..procedures.states import Word
-from .definition import Spec, suggestion
+from .definition import Definition, suggestion
 
 NAME = re.compile(r'qos_overrides\.[^.]+\.(subscription|publisher)\.(?P<policy>[^.]+)')
 
@@ -39,13 +39,13 @@ class Durability(Word):
     system_default = 'system_default'
 
 
-POLICIES: Mapping[str, Spec] = {
-    spec.name: spec
-    for spec in (
-        Spec('which messages are kept', History, name='history'),
-        Spec('how many messages are kept', int, 'messages', 1, 2**31 - 1, name='depth'),
-        Spec('whether a lost message is sent again', Reliability, name='reliability'),
-        Spec(
+POLICIES: Mapping[str, Definition] = {
+    definition.name: definition
+    for definition in (
+        Definition('which messages are kept', History, name='history'),
+        Definition('how many messages are kept', int, 'messages', 1, 2**31 - 1, name='depth'),
+        Definition('whether a lost message is sent again', Reliability, name='reliability'),
+        Definition(
             'whether a late joiner receives what was published before',
             Durability,
             name='durability',
@@ -64,5 +64,5 @@ def check_override(name: str, value: object) -> None:
         raise ValueError(
             f'{name}: {policy!r} is none of {", ".join(POLICIES)}' + suggestion(policy, POLICIES)
         )
-    spec = POLICIES[policy]._replace(name=name)
-    spec.convert(value.lower() if isinstance(value, str) else value)  # as rclpy reads it
+    definition = POLICIES[policy]._replace(name=name)
+    definition.convert(value.lower() if isinstance(value, str) else value)  # as rclpy reads it

@@ -13,16 +13,16 @@ from rclpy.parameter import Parameter
 from ..check import Severity, check, errors
 from ..parameters.axis import AxisParameters, axis_parameters
 from ..parameters.configuration import (
-    AXIS_SPECS,
-    COMMON_SPECS,
-    NODE_SPECS,
+    AXIS_DEFINITIONS,
+    COMMON_DEFINITIONS,
+    NODE_DEFINITIONS,
     TOPICS,
     Configuration,
     check_axis_values,
     check_node_value,
     configuration,
 )
-from ..parameters.definition import InvalidParameters, Spec
+from ..parameters.definition import Definition, InvalidParameters
 from ..procedures.states import Input
 from . import convert
 
@@ -53,11 +53,11 @@ class ConfiguredNode(Node, ABC):
         self.faults: dict[str, tuple[str, ...]] = {}
         self._prove(self.configuration)
         # That of every node is there already.
-        clock = COMMON_SPECS['use_sim_time']
+        clock = COMMON_DEFINITIONS['use_sim_time']
         self.set_descriptor(clock.name, convert.descriptor(clock, read_only=True))
-        self._declare(NODE_SPECS)
+        self._declare(NODE_DEFINITIONS)
         for axis in self.configuration.axes:
-            self._declare(AXIS_SPECS, f'{axis}.')
+            self._declare(AXIS_DEFINITIONS, f'{axis}.')
 
     def serve_parameters(self) -> None:
         """Let parameters be set from now on."""
@@ -95,7 +95,7 @@ class ConfiguredNode(Node, ABC):
             if finding.severity is Severity.warning:
                 self.get_logger().warning(finding.text)
 
-    def _declare(self, specs: Mapping[str, Spec], prefix: str = '') -> None:
+    def _declare(self, specs: Mapping[str, Definition], prefix: str = '') -> None:
         """Declare parameters, as `declare_parameters` does, but tell of all of them in one event.
 
         rclpy publishes an event for each, which every ROS node of the graph reads.
@@ -138,12 +138,12 @@ class ConfiguredNode(Node, ABC):
         for parameter in parameters:
             axis, _, name = parameter.name.partition('.')
             try:
-                if parameter.name in NODE_SPECS:
+                if parameter.name in NODE_DEFINITIONS:
                     check_node_value(parameter.name, parameter.value, list(axes))
                 elif axis in axes and (user := self.in_use(axis)):
                     faults.append(f'{parameter.name}: {user}; set it afterwards')
                 elif axis in axes:
-                    value = AXIS_SPECS[name].convert(parameter.value)
+                    value = AXIS_DEFINITIONS[name].convert(parameter.value)
                     changed.setdefault(axis, {})[name] = value
             except ValueError as error:
                 faults.append(f'{axis}.{error}' if axis in axes else str(error))
@@ -155,7 +155,7 @@ class ConfiguredNode(Node, ABC):
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
         """Give on what was set; the axes have it at their next run."""
         for parameter in parameters:
-            if parameter.name in NODE_SPECS:
+            if parameter.name in NODE_DEFINITIONS:
                 self.take(parameter.name, parameter.value)
         for axis in {p.name.partition('.')[0] for p in parameters} & set(self.configuration.axes):
             self.faults.pop(axis, None)
@@ -166,7 +166,7 @@ class ConfiguredNode(Node, ABC):
 
     def _values(self, axis: str) -> dict[str, object]:
         """Return those parameters of an axis that are set, without its topics."""
-        values = {name: self.get_parameter(f'{axis}.{name}').value for name in AXIS_SPECS}
+        values = {name: self.get_parameter(f'{axis}.{name}').value for name in AXIS_DEFINITIONS}
         return {
             name: value
             for name, value in values.items()

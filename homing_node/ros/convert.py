@@ -19,20 +19,20 @@ from std_msgs.msg import Float64MultiArray
 
 from ..core.axis import Axis
 from ..core.outcome import Outcome
-from ..parameters.definition import LARGEST, Spec
+from ..parameters.definition import LARGEST, Definition
 from ..procedures.states import Error
 from .serialized import NS
 
 
-def descriptor(spec: Spec, read_only: bool = False) -> ParameterDescriptor:
+def descriptor(definition: Definition, read_only: bool = False) -> ParameterDescriptor:
     """Describe a parameter: text, unit, choices, range.
 
     Typing is dynamic so that integers are accepted for real parameters; the node converts.
     """
-    text = spec.text + (f' [{spec.unit}]' if spec.unit else '')
+    text = definition.text + (f' [{definition.unit}]' if definition.unit else '')
     constraints = [
-        spec.bounds and f'{spec.bounds} {spec.unit}'.rstrip(),
-        spec.choices and 'one of ' + ', '.join(spec.choices),
+        definition.bounds and f'{definition.bounds} {definition.unit}'.rstrip(),
+        definition.choices and 'one of ' + ', '.join(definition.choices),
     ]
     described = ParameterDescriptor(
         description=text,
@@ -40,17 +40,19 @@ def descriptor(spec: Spec, read_only: bool = False) -> ParameterDescriptor:
         read_only=read_only,
         additional_constraints='; '.join(c for c in constraints if c),
     )
-    bounded = math.isfinite(spec.minimum) or math.isfinite(spec.maximum)
-    if spec.kind is float and bounded:
+    bounded = math.isfinite(definition.minimum) or math.isfinite(definition.maximum)
+    if definition.kind is float and bounded:
         described.floating_point_range = [
             FloatingPointRange(
-                from_value=max(spec.minimum, -LARGEST), to_value=min(spec.maximum, LARGEST)
+                from_value=max(definition.minimum, -LARGEST),
+                to_value=min(definition.maximum, LARGEST),
             )
         ]
-    elif spec.kind is int and bounded:
+    elif definition.kind is int and bounded:
         described.integer_range = [
             IntegerRange(
-                from_value=int(max(spec.minimum, -(2**31))), to_value=int(min(spec.maximum, 2**31))
+                from_value=int(max(definition.minimum, -(2**31))),
+                to_value=int(min(definition.maximum, 2**31)),
             )
         ]
     return described
