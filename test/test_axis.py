@@ -17,7 +17,8 @@ from core_rig import (
     rig,
 )
 
-from homing_node.core.axis import SETTLE_TIMEOUT, Axis
+from homing_node.core.axis import Axis
+from homing_node.core.settling import SETTLE_TIMEOUT
 from homing_node.parameters.axis import AxisParameters
 from homing_node.plant.layout import SwitchLayout
 from homing_node.procedures.states import Error, HomeType, Input, State

@@ -337,7 +337,7 @@ class Fed:
             )
         )
         self.inputs.poll()
-        tracks = {name: axis._track for name, axis in self.axes.items()}
+        tracks = {name: axis._readings.track for name, axis in self.axes.items()}
         return (
             ''.join(name for name, track in tracks.items() if track.time == stamp * 1e-9),
             ''.join(name for name, track in tracks.items() if track.time == now * 1e-9),

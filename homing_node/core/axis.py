@@ -9,25 +9,18 @@ homing direction is applied here, once. SI units; times in s of one monotonic cl
 
 import math
 
-from ..parameters.axis import AxisParameters, switch_inputs
-from ..procedures.motions import Way
+from ..parameters.axis import AxisParameters
 from ..procedures.states import LIMIT_SWITCHES, Error, HomeType, Input, State
+from .edge_queue import EdgeQueue
 from .history import History
 from .limits import Action
 from .machine import Machine
 from .outcome import Fault, Outcome
 from .profile import Profile
-from .signals import Edge, Switch, Track
-
-#: Longest wait for the feedback to settle after the command has come to rest, s.
-SETTLE_TIMEOUT = 0.5
-#: The feedback has settled once it moved less than slow velocity x SETTLE_TRAVEL in SETTLE_TIME,
-#: and in no fewer than SETTLE_SAMPLES samples, all of them taken with the command at rest.
-SETTLE_TIME = 0.008
-SETTLE_TRAVEL = 1e-4
-SETTLE_SAMPLES = 3
-#: More bounces of one switch in a run are worth a warning.
-MANY_BOUNCES = 10
+from .readings import Readings
+from .result import outcome_of
+from .settling import Settling
+from .signals import Edge, Track
 
 #: What the axis shall do in a cycle, raw: position, velocity and acceleration in m, m/s, m/s^2.
 Setpoint = tuple[float, float, float]
@@ -48,21 +41,15 @@ class Axis:
         self.history = History()
         self.homed = False
         self.servo_on = True
-        self.servo_enabled: bool | None = None
         self.emergency_stop = False
-        self.arrival = -1e300  # of the newest feedback
-        self._track = Track()
-        self._commands = Track()
-        self._switches: dict[Input, Switch] = {}
-        self._unsettled = False  # whether a switch may wait for its debounce
-        self._waiting: list[Edge] = []  # edges that the machine has not taken yet
-        self._unresolved: list[Edge] = []  # taken, but their position is still extrapolated
-        self._rest: tuple[float, float] | None = None  # last command and the feedback there, raw
-        self._settling_since: float | None = None
-        self._moved = False
-        self._bounces: dict[Input, int] = {}  # when the run began
-        self._sign = 1.0
         self.parameters = parameters
+        self._sign = parameters.home_direction.sign
+        self._readings = Readings(parameters)
+        self._edges = EdgeQueue()
+        self._settling = Settling()
+        self._commands = Track()
+        self._rest: tuple[float, float] | None = None  # last command and the feedback there, raw
+        self._moved = False
         self.configure(parameters)
 
     def configure(self, parameters: AxisParameters) -> None:
@@ -72,19 +59,8 @@ class Axis:
         if parameters.home_type is not self.parameters.home_type:
             self.history.forget_homes()
         self.parameters = parameters
-        sign = parameters.home_direction.sign
-        if sign != self._sign:
-            self._track.mirror()
-            self._sign = sign
-        old = self._switches
-        self._switches = {}
-        for switch in switch_inputs(parameters.inputs):
-            inverted = parameters.inverted(switch)
-            known = old.get(switch)
-            if known is None or known.inverted != inverted:
-                known = Switch(switch, inverted)
-            known.debounce = parameters.switch_debounce
-            self._switches[switch] = known
+        self._sign = parameters.home_direction.sign
+        self._readings.configure(parameters)
         self.profile = Profile(self.period, parameters.max_jerk)
 
     # ------------------------------------------------------------------------------------- inputs
@@ -96,8 +72,7 @@ class Axis:
 
         ``doubt`` is how far the time may be wrong, s (0: it is a stamp that is believed).
         """
-        if self._track.append(time, self._sign * position, doubt):
-            self.arrival = time if arrival is None else arrival
+        self._readings.feedback(time, position, time if arrival is None else arrival, doubt)
 
     def switch(
         self,
@@ -111,18 +86,8 @@ class Axis:
 
         ``doubt`` is how far the time may be wrong, s (0: it is a stamp that is believed).
         """
-        known = self._switches.get(switch)
-        if known is None:
-            return
-        p = self.parameters
-        edge = known.set(
-            time - p.switch_latency,
-            signal,
-            time if arrival is None else arrival,
-            doubt or p.switch_stamp_error,
-            not doubt,
-        )
-        self._unsettled = self._unsettled or known.unsettled
+        arrival = time if arrival is None else arrival
+        edge = self._readings.switch(switch, time, signal, arrival, doubt)
         if edge is not None:
             self._take(edge)
 
@@ -134,7 +99,7 @@ class Axis:
 
     def enable(self, enabled: bool) -> None:
         """Take the drive's own servo state."""
-        self.servo_enabled = enabled
+        self._readings.servo_enabled = enabled
         if not enabled and Input.SERVO_ENABLED in self.parameters.inputs:
             self._rest = None
             if self.parameters.clear_home_done_on_servo_off:
@@ -146,7 +111,12 @@ class Axis:
     @property
     def known(self) -> bool:
         """Whether a feedback was ever received."""
-        return self.arrival > -1e200
+        return self._readings.known
+
+    @property
+    def arrival(self) -> float:
+        """When the newest feedback arrived, s."""
+        return self._readings.arrival
 
     @property
     def running(self) -> bool:
@@ -154,11 +124,8 @@ class Axis:
 
     @property
     def unknown_inputs(self) -> tuple[Input, ...]:
-        """Wired inputs that carry a level, but none was seen yet."""
-        unknown = [switch for switch, s in self._switches.items() if s.level is None]
-        if Input.SERVO_ENABLED in self.parameters.inputs and self.servo_enabled is None:
-            unknown.append(Input.SERVO_ENABLED)
-        return tuple(unknown)
+        """The wired inputs that carry a level which has not been received yet."""
+        return self._readings.unknown_inputs
 
     def refusal(self, now: float) -> Outcome | None:
         """Return why a run cannot start now, None where it can."""
@@ -178,40 +145,26 @@ class Axis:
             return self._refused(
                 Error.FeedbackStale, f'no feedback yet for joint {p.joint or self.name!r}'
             )
-        age = now - self.arrival
-        if age > p.feedback_timeout:
-            return self._refused(
-                Error.FeedbackStale,
-                f'the feedback is {age:.3f} s old, more than {p.feedback_timeout:g} s '
-                '(feedback_timeout)',
-            )
-        if self.unknown_inputs:
-            names = ', '.join(self.unknown_inputs)
-            return self._refused(Error.SwitchUnknown, f'no message yet from {names}')
-        if Input.SERVO_ENABLED in p.inputs and not self.servo_enabled:
-            return self._refused(Error.ServoOff, 'the drive reports its servo off')
-        stale = self._stale_switch(now)
-        if stale is not None:
-            return self._refused(Error.SwitchStale, stale)
-        return None
+        unready = self._readings.unready(now)
+        return None if unready is None else self._refused(*unready[:2])
 
     def home(self, now: float) -> Outcome | None:
         """Start a run; return why it cannot start, None where it has."""
         refusal = self.refusal(now)
         if refusal is not None:
             return refusal
-        p = self.parameters
-        feedback = self._track.position
         self.profile.reset(self._start_command())
         self.homed = False
         self.outcome = Outcome(Error.NoError)
-        self._waiting.clear()
-        self._unresolved.clear()
+        self._edges.clear()
+        self._settling.restart()
         self._commands = Track()
         self._moved = False
-        self._settling_since = None
-        self._bounces = {name: switch.bounces for name, switch in self._switches.items()}
-        self.machine = Machine(p, self.profile, self._switches, now, feedback)
+        readings = self._readings
+        readings.begin_run()
+        self.machine = Machine(
+            self.parameters, self.profile, readings.switches, now, readings.track.position
+        )
         self.machine.begin()
         return None
 
@@ -245,13 +198,9 @@ class Axis:
         The levels stay, as if told now. The feedback has to come anew; the home is lost with it.
         """
         self._settle_switches(math.inf)
-        for switch in self._switches.values():
-            switch.set_back(now)
-        self._waiting.clear()
-        self._unresolved.clear()
-        self._track.restart()
-        self._settling_since = None
-        self.arrival = -1e300
+        self._readings.set_back(now)
+        self._edges.clear()
+        self._settling.restart()
         self.homed = False
 
     def set_emergency_stop(self, active: bool) -> None:
@@ -273,24 +222,20 @@ class Axis:
 
     def update(self, now: float) -> Setpoint | None:
         """Advance by one period; return the setpoint while a run is on and the axis moves."""
-        if self._unsettled:
+        readings = self._readings
+        if readings.unsettled:
             self._settle_switches(now)
         machine = self.machine
         if machine is None:
             if self.homed and self.parameters.clear_home_done_on_comm_stop:
-                self.homed = now - self.arrival <= self.parameters.feedback_timeout
+                self.homed = readings.feedback_is_fresh(now)
             return None
         p = self.parameters
-        if now - self.arrival > p.feedback_timeout or p.switch_timeout:
+        if now - readings.arrival > p.feedback_timeout or p.switch_timeout:
             self._test_inputs(now)
-        if self._unresolved:
-            track = self._edge_track
-            for edge in self._unresolved:
-                edge.locate(track)
-            self._unresolved = [edge for edge in self._unresolved if not edge.resolved]
-        if self._waiting:
-            self._hand_over(machine)
-        machine.update(now, self._track.position)
+        track = readings.track
+        self._edges.update(machine, self._commands if p.open_loop_homing else track)
+        machine.update(now, track.position)
         if machine.finished:
             return self._finish(now)
         profile = self.profile
@@ -340,12 +285,12 @@ class Axis:
     @property
     def position(self) -> float:
         """The newest feedback: in homed coordinates once homed, else raw."""
-        raw = self._sign * self._track.position
+        raw = self._sign * self._readings.track.position
         return raw - self.outcome.home_offset if self.homed else raw
 
     @property
     def raw_position(self) -> float:
-        return self._sign * self._track.position
+        return self._sign * self._readings.track.position
 
     @property
     def home_position_raw(self) -> float:
@@ -357,21 +302,13 @@ class Axis:
 
     # ------------------------------------------------------------------------------------- inside
 
-    @property
-    def _edge_track(self) -> Track:
-        return self._commands if self.parameters.open_loop_homing else self._track
-
     def _settle_switches(self, now: float) -> None:
         """Take the edges that their debounce confirms by now."""
-        for switch in self._switches.values():
-            if switch.unsettled:
-                edge = switch.poll(now)
-                if edge is not None:
-                    self._take(edge)
-        self._unsettled = any(switch.unsettled for switch in self._switches.values())
+        for edge in self._readings.settle(now):
+            self._take(edge)
 
     def _take(self, edge: Edge) -> None:
-        """Queue an edge by its time, a limit before another switch; act on a limit at once."""
+        """Queue an edge for the machine; act on a limit at once."""
         machine = self.machine
         if machine is None:
             return
@@ -380,56 +317,20 @@ class Axis:
                 machine.limit_rises(edge.input)
             else:
                 machine.limit_falls(edge.input)
-        self._waiting.append(edge)
-        self._waiting.sort(key=lambda waiting: waiting.order)
-
-    def _hand_over(self, machine: Machine) -> None:
-        """Give the machine the edges whose way of travel is known, in order."""
-        track = self._edge_track
-        while self._waiting:
-            edge = self._waiting[0]
-            located = edge.locate(track)
-            way = machine.way_at(min(edge.time, track.time), track)
-            if way is None:
-                return
-            # While the axis plainly goes toward, an edge need not wait for the feedback.
-            if not located and not way == machine.row.motion.way == Way.TOWARD:
-                return
-            if not edge.resolved:
-                self._unresolved.append(edge)
-            edge.way = way
-            del self._waiting[0]
-            machine.edge(edge)
+        self._edges.add(edge)
 
     def _test_inputs(self, now: float) -> None:
-        """End the run where an input is too old."""
-        p = self.parameters
-        age = now - self.arrival
-        if age > p.feedback_timeout:
+        """End the run if an input is too old."""
+        stale = self._readings.stale(now)
+        if stale is None:
+            return
+        if stale.error is Error.FeedbackStale:
             self.homed = False
-            self._fail(
-                Error.FeedbackStale,
-                f'the feedback is {age:.3f} s old, more than '
-                f'{p.feedback_timeout:g} s (feedback_timeout)',
-            )
-        elif p.switch_timeout:
-            stale = self._stale_switch(now)
-            if stale is not None:
-                self._fail(Error.SwitchStale, stale)
-
-    def _stale_switch(self, now: float) -> str | None:
-        limit = self.parameters.switch_timeout
-        for switch in self._switches.values():
-            if limit and now - switch.seen > limit:
-                return (
-                    f'{switch.input.text} is {now - switch.seen:.3f} s old, more than '
-                    f'{limit:g} s (switch_timeout)'
-                )
-        return None
+        self._fail(stale.error, stale.seen)
 
     def _start_command(self) -> float:
         """Return where the command begins: the feedback, or our last command where it rests."""
-        feedback = self._track.position
+        feedback = self._readings.track.position
         p = self.parameters
         if self._rest is not None and p.home_type is not HomeType.CurrentPos:
             command, rest = self._rest
@@ -449,20 +350,14 @@ class Axis:
         """End the run once the feedback has settled, too, where there is one."""
         machine = self.machine
         assert machine is not None
-        if self._settling_since is None:
-            self._settling_since = now
-        follows = (
-            self._moved
-            and not machine.silent
-            and (now - self.arrival <= self.parameters.feedback_timeout)
-        )
-        if (
-            follows
-            and now - self._settling_since < SETTLE_TIMEOUT
-            and not self._settled(self._settling_since)
-        ):
+        readings, slow = self._readings, self.parameters.homing_velocity_slow
+        settled = self._settling.over(now, readings.track, slow)
+        follows = self._moved and not machine.silent and readings.feedback_is_fresh(now)
+        if follows and not settled:
             return self._setpoint(now)
-        self.outcome = self._outcome(machine)
+        for text in readings.bounce_warnings():
+            machine.warn(text)
+        self.outcome = outcome_of(machine, self.name)
         self.history.add(self.outcome.error, self.outcome.home_position_raw)
         self.homed = self.outcome.success
         self.machine = None
@@ -474,45 +369,6 @@ class Axis:
             else (self._sign * self.profile.position, self.raw_position)
         )
         return self._setpoint(now) if self._moved and not machine.silent else None
-
-    def _settled(self, since: float) -> bool:
-        """Tell whether the feedback has stopped changing, the command being at rest since then."""
-        track = self._track
-        begin = track.time - max(SETTLE_TIME, SETTLE_SAMPLES * track.interval)
-        travel = SETTLE_TRAVEL * self.parameters.homing_velocity_slow
-        return begin >= since and track.spread(begin) <= travel
-
-    def _outcome(self, machine: Machine) -> Outcome:
-        if machine.error is not Error.NoError or machine.reference is None:
-            return Outcome(
-                machine.error,
-                f'axis {self.name}: {machine.message}',
-                warnings=self._warnings(machine),
-            )
-        p, mark = self.parameters, machine.reference
-        raw = self._sign * mark.position
-        offset = raw + self._sign * p.home_shift_distance - p.home_position
-        passes = machine.passes
-        return Outcome(
-            Error.NoError,
-            '',
-            raw,
-            offset,
-            mark.uncertainty,
-            len(passes.fine),
-            passes.range,
-            passes.deviation,
-            machine.index_margin,
-            self._warnings(machine),
-        )
-
-    def _warnings(self, machine: Machine) -> tuple[str, ...]:
-        """Return what the run's user should know, bouncing switches included."""
-        for switch in self._switches.values():
-            bounces = switch.bounces - self._bounces.get(switch.input, 0)
-            if bounces > MANY_BOUNCES:
-                machine.warn(f'{switch.input.text} bounced {bounces} times')
-        return tuple(machine.warnings)
 
     def _refused(self, error: Error, text: str) -> Outcome:
         return Outcome(error, f'axis {self.name}: {text}')

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Edges that wait until the feedback shows where they were and which way the axis traveled."""
+
+from ..procedures.motions import Way
+from .machine import Machine
+from .signals import Edge, Track
+
+
+class EdgeQueue:
+    """The edges of a run between their message and the machine, in the order of their times.
+
+    The message of an edge is often newer than the newest feedback sample, so that the place of the
+    edge is not known yet. Such an edge waits here. An edge that happened while the axis plainly
+    goes toward does not wait: the machine gets it with an extrapolated position, which is located
+    again until the feedback has passed it.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: list[Edge] = []  # the machine has not got them yet
+        self._unresolved: list[Edge] = []  # it has, but the position is still extrapolated
+
+    def clear(self) -> None:
+        """Drop all edges."""
+        self._waiting.clear()
+        self._unresolved.clear()
+
+    def add(self, edge: Edge) -> None:
+        """Queue an edge by its time; a limit comes before another switch."""
+        self._waiting.append(edge)
+        self._waiting.sort(key=lambda waiting: waiting.order)
+
+    def update(self, machine: Machine, track: Track) -> None:
+        """Locate the edges in a track, and give the machine those whose way of travel is known."""
+        if self._unresolved:
+            for edge in self._unresolved:
+                edge.locate(track)
+            self._unresolved = [edge for edge in self._unresolved if not edge.resolved]
+        while self._waiting:
+            edge = self._waiting[0]
+            located = edge.locate(track)
+            way = machine.way_at(min(edge.time, track.time), track)
+            if way is None:
+                return
+            goes_toward = way == machine.row.motion.way == Way.TOWARD
+            if not located and not goes_toward:
+                return
+            if not edge.resolved:
+                self._unresolved.append(edge)
+            edge.way = way
+            del self._waiting[0]
+            machine.edge(edge)

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an axis has received: its feedback, its switches, its servo; and whether all are fresh.
+
+Times are in s of one monotonic clock.
+"""
+
+from collections.abc import Iterator
+
+from ..parameters.axis import AxisParameters, switch_inputs
+from ..procedures.states import Error, Input
+from .outcome import Fault
+from .signals import Edge, Switch, Track
+
+#: The arrival of a message that never came.
+NEVER = -1e300
+#: More bounces of one switch in a run are worth a warning.
+MANY_BOUNCES = 10
+
+
+class Readings:
+    """The inputs of one axis.
+
+    Attributes:
+        track: the recorded feedback, in the *toward* frame, m or rad.
+        arrival: when the newest feedback arrived, s.
+        switches: the wired switches, with their levels.
+        servo_enabled: the drive's own servo state; None before its first message.
+        unsettled: whether a level change may still wait for its debounce.
+    """
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self.track = Track()
+        self.arrival = NEVER
+        self.switches: dict[Input, Switch] = {}
+        self.servo_enabled: bool | None = None
+        self.unsettled = False
+        self._parameters = parameters
+        self._sign = 1.0
+        self._bounces_before: dict[Input, int] = {}
+        self.configure(parameters)
+
+    def configure(self, parameters: AxisParameters) -> None:
+        """Use new parameters; a switch whose polarity stays the same keeps its level."""
+        self._parameters = parameters
+        sign = parameters.home_direction.sign
+        if sign != self._sign:
+            self.track.mirror()
+            self._sign = sign
+        old, self.switches = self.switches, {}
+        for switch in switch_inputs(parameters.inputs):
+            inverted = parameters.inverted(switch)
+            known = old.get(switch)
+            if known is None or known.inverted != inverted:
+                known = Switch(switch, inverted)
+            known.debounce = parameters.switch_debounce
+            self.switches[switch] = known
+
+    @property
+    def known(self) -> bool:
+        """Whether a feedback was ever received."""
+        return self.arrival > NEVER
+
+    @property
+    def unknown_inputs(self) -> tuple[Input, ...]:
+        """The wired inputs that carry a level which has not been received yet."""
+        unknown = [switch for switch, s in self.switches.items() if s.level is None]
+        if self._servo_wired and self.servo_enabled is None:
+            unknown.append(Input.SERVO_ENABLED)
+        return tuple(unknown)
+
+    # ----------------------------------------------------------------------------------- messages
+
+    def feedback(self, time: float, position: float, arrival: float, doubt: float) -> None:
+        """Record a feedback sample, its position raw; one that is not newer is dropped."""
+        if self.track.append(time, self._sign * position, doubt):
+            self.arrival = arrival
+
+    def switch(
+        self, switch: Input, time: float, signal: bool, arrival: float, doubt: float
+    ) -> Edge | None:
+        """Record a level as it is on the wire; return the edge that it confirms, if any."""
+        known = self.switches.get(switch)
+        if known is None:
+            return None
+        p = self._parameters
+        edge = known.set(
+            time - p.switch_latency, signal, arrival, doubt or p.switch_stamp_error, not doubt
+        )
+        self.unsettled = self.unsettled or known.unsettled
+        return edge
+
+    def settle(self, now: float) -> Iterator[Edge]:
+        """Yield the edges whose debounce is over by now."""
+        for switch in self.switches.values():
+            if switch.unsettled:
+                edge = switch.poll(now)
+                if edge is not None:
+                    yield edge
+        self.unsettled = any(switch.unsettled for switch in self.switches.values())
+
+    def set_back(self, now: float) -> None:
+        """Forget the times of all that was received, because simulated time jumped back.
+
+        The levels stay, as if just received. The feedback must arrive again.
+        """
+        for switch in self.switches.values():
+            switch.set_back(now)
+        self.track.restart()
+        self.arrival = NEVER
+
+    def begin_run(self) -> None:
+        """Count the bounces of the switches anew."""
+        self._bounces_before = {name: switch.bounces for name, switch in self.switches.items()}
+
+    def bounce_warnings(self) -> list[str]:
+        """Return a warning for each switch that has bounced often since the run began."""
+        counts = {
+            switch.input.text: switch.bounces - self._bounces_before.get(name, 0)
+            for name, switch in self.switches.items()
+        }
+        return [f'{text} bounced {n} times' for text, n in counts.items() if n > MANY_BOUNCES]
+
+    # --------------------------------------------------------------------------- known and fresh
+
+    def unready(self, now: float) -> Fault | None:
+        """Return which input keeps a run from starting, None if all are known and fresh."""
+        old = self._old_feedback(now)
+        if old is not None:
+            return old
+        unknown = self.unknown_inputs
+        if unknown:
+            return Fault(Error.SwitchUnknown, f'no message yet from {", ".join(unknown)}')
+        if self._servo_wired and not self.servo_enabled:
+            return Fault(Error.ServoOff, 'the drive reports its servo off')
+        return self._old_switch(now)
+
+    def stale(self, now: float) -> Fault | None:
+        """Return which input is too old for the run to go on, None if all are fresh."""
+        return self._old_feedback(now) or self._old_switch(now)
+
+    def feedback_is_fresh(self, now: float) -> bool:
+        """Return whether the newest feedback is no older than ``feedback_timeout``."""
+        return now - self.arrival <= self._parameters.feedback_timeout
+
+    @property
+    def _servo_wired(self) -> bool:
+        return Input.SERVO_ENABLED in self._parameters.inputs
+
+    def _old_feedback(self, now: float) -> Fault | None:
+        limit = self._parameters.feedback_timeout
+        if self.feedback_is_fresh(now):
+            return None
+        return Fault(
+            Error.FeedbackStale,
+            f'the feedback is {now - self.arrival:.3f} s old, more than {limit:g} s '
+            '(feedback_timeout)',
+        )
+
+    def _old_switch(self, now: float) -> Fault | None:
+        limit = self._parameters.switch_timeout
+        for switch in self.switches.values():
+            if limit and now - switch.seen > limit:
+                return Fault(
+                    Error.SwitchStale,
+                    f'{switch.input.text} is {now - switch.seen:.3f} s old, more than '
+                    f'{limit:g} s (switch_timeout)',
+                )
+        return None

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The result of a run that has ended: from the *toward* frame back to raw coordinates."""
+
+from ..procedures.states import Error
+from .machine import Machine
+from .outcome import Outcome
+
+
+def outcome_of(machine: Machine, axis: str) -> Outcome:
+    """Return how a run ended and, if the axis is homed, where its home is.
+
+    Args:
+        machine: the run, which has finished.
+        axis: the name of the axis, for the message.
+    """
+    warnings, home = tuple(machine.warnings), machine.reference
+    if machine.error is not Error.NoError or home is None:
+        return Outcome(machine.error, f'axis {axis}: {machine.message}', warnings=warnings)
+    p, passes = machine.parameters, machine.passes
+    sign = p.home_direction.sign
+    raw = sign * home.position
+    return Outcome(
+        Error.NoError,
+        home_position_raw=raw,
+        home_offset=raw + sign * p.home_shift_distance - p.home_position,
+        uncertainty=home.uncertainty,
+        passes=len(passes.fine),
+        passes_range=passes.range,
+        passes_deviation=passes.deviation,
+        index_margin=machine.index_margin,
+        warnings=warnings,
+    )
