@@ -271,7 +271,7 @@ class Axis:
         machine = self.machine
         if machine is None:
             return self.history.runs, self.homed, self.servo_on
-        return machine.step, machine.error, machine.paused, machine.end.touched, self.servo_on
+        return machine.step, machine.error, machine.paused, machine.touched, self.servo_on
 
     @property
     def hold_position(self) -> float:

@@ -7,23 +7,22 @@ is told, and no sign: all positions are in the *toward* frame, m or rad.
 Sources: WMX3 manual, "Limit Switches During Homing"; doc/homing.md for what is decided here.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..parameters.axis import AxisParameters
 from ..procedures.events import CONDITIONS, Event
 from ..procedures.motions import Kind, Way
-from ..procedures.states import Error, IndexMarginAction, Input, Role, State
+from ..procedures.states import Error, Input, Role, State
 from ..procedures.tables import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Row, Step
-from .flags import FlagEnds
-from .latches import Latches
-from .limits import Action, Limit, LimitSwitches
-from .mechanical_end import MechanicalEnd
+from .limits import Action, LimitSwitches
+from .movement import Movement
 from .outcome import Fault
 from .passes import Passes
-from .profile import Dynamics, Profile
+from .profile import Profile
 from .signals import Edge, Mark, Switch, Track
-from .travel import Leg, Rules
+from .switch_events import SwitchEvents
+from .travel import Rules
 
 
 class Turnoff(NamedTuple):
@@ -61,23 +60,14 @@ class Machine:
         'reference',
         'arrows',
         'passes',
-        'index_margin',
         'warnings',
-        'end',
-        '_look',
         '_switches',
         '_limits',
-        '_target',
-        '_dynamics',
+        '_movement',
         '_rules',
         '_cause',
-        '_found',
-        '_leg',
         '_turnoff',
-        '_further',
         '_reversed',
-        '_flags',
-        '_latches',
         '_paused_at',
         '_stop_deceleration',
     )
@@ -106,28 +96,15 @@ class Machine:
         self.reference: Mark | None = None
         self.arrows: list[tuple[Step, Event]] = []
 
-        self._switches = switches
         self._limits = LimitSwitches(parameters, switches)
-        target = self.procedure.target
-        self._target = parameters.limit_switch(target, Way.TOWARD) if target else None
-        self._dynamics = {
-            row.motion.pace: Dynamics(*parameters.pace(row.motion.pace))
-            for row in self.procedure.rows.values()
-        }
+        self._switches = SwitchEvents(parameters, switches, self._limits)
+        self._movement = Movement(parameters, profile, now, feedback, self.warn)
         self._rules = Rules(parameters, now)
-
         self._cause = Mark(feedback)
-        self._found = self._cause
-        self._leg = Leg(Way.NONE, feedback, profile.position, now)
         self._turnoff: Turnoff | None = None
-        self._further = False  # the homing reverse distance has a target
         self._reversed = False  # the one reversal is used up
-        self._flags = FlagEnds(parameters)
-        self._latches = Latches(parameters)
         self.passes = Passes(parameters)
-        self.index_margin: float | None = None
         self.warnings: list[str] = []
-        self.end = MechanicalEnd(parameters)
         self._paused_at = now
         self._stop_deceleration = 0.0
 
@@ -139,16 +116,26 @@ class Machine:
     @property
     def torque_limit(self) -> float:
         """The torque limit that the mechanical end asks for, %; 0: none."""
-        return self.end.torque_limit(searching=Event.END_DETECTED in self.row.on)
+        return self._movement.end.torque_limit(searching=Event.END_DETECTED in self.row.on)
 
     @property
     def traveled(self) -> tuple[float, float]:
         """Distance from the turning point, and what bounds it, m."""
-        return abs(self.feedback - self._leg.feedback), self._rules.distance
+        return abs(self.feedback - self._movement.leg.feedback), self._rules.distance
+
+    @property
+    def touched(self) -> float:
+        """Since when the mechanical end has held the axis, s; inf while it does not."""
+        return self._movement.end.touched
+
+    @property
+    def index_margin(self) -> float | None:
+        """Distance from the edge that armed the Z-pulse to the first pulse, in pitches."""
+        return self._movement.index_margin
 
     def way_at(self, time: float, track: Track) -> int | None:
         """Return the sign of the travel at a time that the track covers, None if not yet known."""
-        return self._leg.way_at(time, track)
+        return self._movement.leg.way_at(time, track)
 
     # --------------------------------------------------------------------------- what happens
 
@@ -164,22 +151,20 @@ class Machine:
         Where an edge of another switch with a later time has already ended the row that would
         have taken this one, that is undone: the earlier edge decides, however late it arrives.
         """
-        if edge.way > 0:
-            self._flags.add(edge)
-        self._limits.remember(edge)
+        self._switches.remember(edge)
         if self.stopping:
             return
-        rises, falls, on = self._events_of(edge.input)
+        rises, falls, on = self._switches.events_of(edge.input)
         event = rises if edge.rises else falls
         left = self._turnoff
         if left and event and edge.order < left.edge.order:
             row = self.procedure.rows[left.step]
-            if event in row.on and self._counts(edge, row):
+            if event in row.on and self._switches.counts(edge, row):
                 self._stand_in(left.step)
                 self._reversed, self.passes.coarse = left.reversed, left.coarse_pass
-        if event and event in self.row.on and self._counts(edge, self.row):
+        if event and event in self.row.on and self._switches.counts(edge, self.row):
             self._advance(event, edge)
-        elif edge.rises and on and on in self.row.on and self._on(edge.input):
+        elif edge.rises and on and on in self.row.on and self._switches.on(edge.input):
             self._advance(on, edge)
         elif edge.rises and on is Event.LIMIT_AHEAD:
             self.limit_rises(edge.input)  # the row that would have taken it has just ended
@@ -196,7 +181,7 @@ class Machine:
         self._both_on()
         if limit.role is Role.IGNORED:
             return
-        if not self.stopping and self._taken_by_table(limit):
+        if not self.stopping and self._switches.awaits(self.row, limit, self._reversed):
             return
         velocity, action = self.profile.velocity, limit.action
         ahead, into = limit.way is Way.TOWARD, velocity * limit.way > 0.0
@@ -231,7 +216,7 @@ class Machine:
 
     def latch(self, source: Input, position: float) -> None:
         """Take a latched position of the Z-pulse or the touch probe."""
-        self._latches.add(source, position)
+        self._movement.latches.add(source, position)
 
     def fail(self, fault: Fault, action: Action | None = None) -> None:
         """End the run with an error: a stop with ls_dec unless an action says otherwise.
@@ -271,17 +256,20 @@ class Machine:
         if self.stopping:
             self.finished = self.profile.done
             return
-        leg, command = self._leg, self.profile.position
-        if leg.update(feedback, command):
-            self._latches.forget()
-        fault = self._rules.broken(leg, command, feedback, now)
+        movement = self._movement
+        movement.follow(feedback)
+        fault = self._rules.broken(movement.leg, self.profile.position, feedback, now)
         if fault is not None:
             self.fail(fault)
             return
-        while self._look is not None and (event := self._look(self)) and not self.paused:
-            self._advance(event, self._found)
-            if self.finished or self.stopping:
+        while not (self.paused or self.stopping or self.finished):
+            found = movement.event(now, feedback)
+            if found is None:
                 return
+            if isinstance(found, Fault):
+                self.fail(found)
+            else:
+                self._advance(*found)
 
     # ------------------------------------------------------------------------------ transitions
 
@@ -330,16 +318,15 @@ class Machine:
         """Make a row the present one."""
         self.step: Step = step
         self.row: Row = self.procedure.rows[step]
-        self._look = _look_of(self.row)
 
     def _enter(self, step: Step, cause: Mark) -> None:
         """Enter a row and, where a condition of it holds, the next; then start the motion."""
-        self._cause, self._further = cause, False
+        self._cause = cause
         self._stand_in(step)
         if step is HOME_SHIFT:
             self.reference = cause
         for condition in CONDITIONS:
-            if condition in self.row.on and self._holds(condition):
+            if condition in self.row.on and self._switches.holds(condition, self.feedback):
                 self._advance(condition, Mark(self.feedback))
                 return
         self._start_motion()
@@ -348,125 +335,19 @@ class Machine:
         """Command the present row's motion, or pause before it where it turns the axis."""
         if self.paused:
             return
-        motion, profile = self.row.motion, self.profile
-        dynamics = self._dynamics[motion.pace]
-        way, target = motion.way, profile.position
-        if motion.kind is Kind.HOME and self.reference is not None:
-            target = self.reference.position + self.parameters.home_shift_distance
-            way = Way(int(target > profile.position) - int(target < profile.position))
-        turns = way is not Way.NONE and way != self._leg.way
-        if turns and self._leg.way and self.parameters.pause_mode and not resumed:
-            self.paused, self._paused_at = True, self.now
-            profile.stop()
-            return
-        if turns:
-            self._leg = Leg(way, self.feedback, profile.position, self.now, self._leg)
-            self._latches.forget()
-        if self._blocked(way):
-            return
-        self._rules.enter(self.row)
-        self.end.begin()
-        if motion.kind is Kind.REST:
-            profile.stop()
-        elif motion.kind is Kind.HOME:
-            profile.move(target, dynamics)
-        elif motion.kind is Kind.SEARCH:
-            profile.seek(way * dynamics.velocity, dynamics)
-
-    # ---------------------------------- the event that the present motion itself has brought about
-
-    def _went_further(self) -> Event | None:
-        """Go on by the homing reverse distance; at once done where stopping takes longer."""
-        if self._further:
-            return self._arrived()
-        target = self._cause.position - self.parameters.homing_reverse_distance
-        dynamics = self._dynamics[self.row.motion.pace]
-        if self.profile.stopping_position(dynamics.deceleration) <= target:
-            return self._done()
-        self._further = True
-        self.profile.move(target, dynamics)
-        return None
-
-    def _rested(self) -> Event | None:
-        return self._arrived() if self._cause.resolved else None
-
-    def _arrived(self) -> Event | None:
-        return self._done() if self.profile.done else None
-
-    def _done(self) -> Event:
-        self._found = Mark(self.feedback)
-        return Event.DONE
-
-    def _latched(self) -> Event | None:
-        """Return the event of a latch beyond the row's edge, else beyond the turning point."""
-        if not self._cause.resolved:
-            return None
-        origin = self._cause.position if isinstance(self._cause, Edge) else self._leg.feedback
-        way = self.row.motion.way
-        found = self._latches.found(self.row.latches, origin, way, self.feedback)
-        if isinstance(found, Fault):
-            self.fail(found)
-            return None
-        event, self._found = found or (None, self._found)
-        if event is Event.Z_PULSE and isinstance(self._cause, Edge) and self._too_close(way):
-            return None
-        return event
-
-    def _too_close(self, way: Way) -> bool:
-        """Judge how far the edge that armed the Z-pulse is from it; tell whether the run fails."""
-        action = self.parameters.index_margin_action
-        self.index_margin = margin = self._latches.margin(self._cause.position, way)
-        fault = None if margin is None else self._latches.margin_fault(margin)
-        if fault is None or action is IndexMarginAction.none:
-            return False
-        if action is IndexMarginAction.Warn:
-            self.warn(f'{fault.seen}; {fault.hint}')
-            return False
-        self.fail(fault)
-        return True
-
-    def _end_detected(self) -> Event | None:
-        if not self.end.found(self.profile.position - self.feedback, self.now):
-            return None
-        self._found = Mark(self.feedback)
-        return Event.END_DETECTED
+        movement = self._movement
+        way, target = movement.heading(self.row.motion, self.reference)
+        if movement.turns(way):
+            if movement.leg.way and self.parameters.pause_mode and not resumed:
+                self.paused, self._paused_at = True, self.now
+                self.profile.stop()
+                return
+            movement.turn(way, self.now, self.feedback)
+        if not self._blocked(way):
+            self._rules.enter(self.row)
+            movement.start(self.row, self._cause, target)
 
     # ------------------------------------------------------------------------------- the switches
-
-    def _on(self, switch: Input) -> bool:
-        return switch in self._switches and self._switches[switch].level is True
-
-    def _events_of(self, switch: Input) -> tuple[Event | None, Event | None, Event | None]:
-        """Return the events of a switch: it rises, it falls, it is on though no rise counted."""
-        if switch is Input.HOME_SWITCH:
-            return Event.HS_RISES, Event.HS_FALLS, Event.HS_ON
-        if switch is self._target:
-            return Event.LS_RISES, Event.LS_FALLS, Event.LS_ON
-        limit = self._limits.get(switch)
-        if limit and limit.role is Role.REVERSAL:
-            return Event.LIMIT_AHEAD, None, Event.LIMIT_AHEAD
-        return None, None, None
-
-    def _counts(self, edge: Edge, row: Row) -> bool:
-        """Tell whether an edge was passed the row's way, at the end of the flag that it means."""
-        if edge.way * row.motion.way <= 0:
-            return False
-        if row.motion.way is Way.TOWARD:
-            return edge.rises or not self._flags.bounces(edge)
-        return self._flags.came_in_at(edge)
-
-    def _holds(self, condition: Event) -> bool:
-        if condition is Event.HS_ON:
-            return self._on(Input.HOME_SWITCH)
-        if condition is Event.LS_ON:
-            return self._target is not None and self._on(self._target)
-        return self._limits.reversing(self.feedback)
-
-    def _taken_by_table(self, limit: Limit) -> bool:
-        """Tell whether a limit's rise is an arrow of the present row."""
-        if limit.role is Role.REVERSAL:
-            return Event.LIMIT_AHEAD in self.row.on and not self._reversed
-        return limit.input is self._target and Event.LS_RISES in self.row.on
 
     @property
     def _braking(self) -> bool:
@@ -476,7 +357,11 @@ class Machine:
 
     def _heads(self, way: Way) -> bool:
         """Tell whether the present motion goes a way, or is about to."""
-        return self._leg.way is way and not self.paused and self.row.motion.kind is not Kind.REST
+        return (
+            self._movement.leg.way is way
+            and not self.paused
+            and self.row.motion.kind is not Kind.REST
+        )
 
     def _blocked(self, way: Way) -> bool:
         """Fail where a motion would go into a limit that is on."""
@@ -521,17 +406,3 @@ class Machine:
         if self.paused:
             self.paused = False
             self._rules.deadline += self.now - self._paused_at
-
-
-def _look_of(row: Row) -> Callable[[Machine], Event | None] | None:
-    """Return what tells the event that a row's motion itself brings about; None: edges end it."""
-    kind = row.motion.kind
-    if kind is Kind.SEARCH:
-        if row.latches:
-            return Machine._latched
-        return Machine._end_detected if Event.END_DETECTED in row.on else None
-    return {
-        Kind.FURTHER: Machine._went_further,
-        Kind.REST: Machine._rested,
-        Kind.HOME: Machine._arrived,
-    }[kind]
