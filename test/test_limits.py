@@ -1,10 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each limit switch means to a run."""
 
+from itertools import product
+
 import pytest
 from core_rig import LIMIT_TYPES, QUICK, TYPES, rig
 
-from homing_node.core.limits import Action, LimitSwitches, limits_of, ls_action
+from homing_node.core.limits import (
+    RESPONSES,
+    Action,
+    Limit,
+    LimitSwitches,
+    Moment,
+    Response,
+    limits_of,
+    ls_action,
+    response_to,
+    situation_of,
+)
 from homing_node.core.signals import Edge, Switch
 from homing_node.parameters.axis import axis_parameters
 from homing_node.procedures.motions import Way
@@ -147,3 +160,68 @@ def test_a_momentary_limit_is_remembered_until_the_axis_is_back(home_type, switc
     reverses = limits.get(edge.input).role is Role.REVERSAL
     assert limits.reversing(way * 0.091) == reverses
     assert not limits.reversing(way * 0.089)
+
+
+# -- what the rise of a limit does (sections 5 and 6) ---------------------------------------------
+
+DEC = Action(8.0)
+LIMITS = [
+    Limit(Input.POSITIVE_LIMIT_SWITCH, Tier.HARDWARE, Way.TOWARD, role, action)
+    for role in Role
+    for action in (DEC, None)
+] + [
+    Limit(Input.NEGATIVE_LIMIT_SWITCH, Tier.HARDWARE, Way.AWAY, Role.NORMAL, action)
+    for action in (DEC, None)
+]
+MOMENTS = [
+    Moment(velocity, heading, *flags)
+    for velocity in (-0.1, 0.0, 0.1)
+    for heading in Way
+    for flags in product((False, True), repeat=7)
+]
+
+
+def response_by_the_rules(limit, moment):
+    """Return what the sentences of sections 5 and 6 say, one after another."""
+    normal, ahead = limit.role is Role.NORMAL, limit.way is Way.TOWARD
+    moves_into = moment.velocity * limit.way > 0.0
+    acts = moves_into or (normal and moment.velocity != 0.0 and moment.all_ls)
+    if limit.role is Role.IGNORED:
+        return Response.IGNORE
+    if moment.stopping:
+        return Response.ACT if acts and limit.action else Response.IGNORE
+    if moment.awaited:
+        return Response.ARROW
+    if not ahead and moment.velocity > 0.0:
+        return Response.IGNORE if moment.just_left else Response.FAIL_SWAPPED
+    if ahead and moves_into and moment.braking:
+        brakes = limit.action and not moment.turned_by_it
+        return Response.BRAKE_HARDER if brakes else Response.IGNORE
+    if not acts and moment.heading is not limit.way:
+        return Response.IGNORE
+    if ahead and moment.to_home and not normal:
+        return Response.FAIL_ALWAYS
+    return Response.FAIL if limit.action else Response.IGNORE
+
+
+def possible(limit, moment):
+    """Return whether the machine can ask this; a limit behind is no row's arrow."""
+    return limit.way is Way.TOWARD or not moment.awaited
+
+
+@pytest.mark.parametrize('limit', LIMITS, ids=lambda one: f'{one.way.name} {one.role}')
+def test_the_table_says_what_the_rules_say(limit):
+    for moment in MOMENTS:
+        if possible(limit, moment):
+            assert response_to(limit, moment) is response_by_the_rules(limit, moment), moment
+
+
+def test_every_cell_of_the_table_is_used():
+    used = {
+        (limit.way, situation_of(limit, moment), limit.role)
+        for limit in LIMITS
+        for moment in MOMENTS
+        if limit.role is not Role.IGNORED and possible(limit, moment)
+    }
+    assert used == RESPONSES.keys()
+    assert set(RESPONSES.values()) == set(Response)

@@ -1,12 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each limit switch of an axis means to a run: which end, which role, which action."""
+"""What the limit switches of an axis mean to a run, and what the rise of one does.
+
+A limit has an end that it guards, a role that the home type gives it (the manual's page), and the
+action of its LS Type. What its rise does is a table, RESPONSES, by the end, by what the axis does
+at that moment, and by the role. A rise takes two ways:
+
+    the message of a rise
+      |
+      +-- at once ------> Machine.limit_rises: RESPONSES (ignore, brake harder, act, end the run,
+      |                        ^                or leave it to the present row)
+      |                        |
+      |                       no, the row that would have taken it has just ended
+      |                        |
+      +-- in EdgeQueue -> Machine.edge: does the present row take it?
+          until feedback       |
+          shows where it      yes
+          was                  |
+                               v
+                          the row's arrow: the reversal, or the reference
+
+So a stop begins at once, but an arrow is taken in the order of the edges' own times, and from
+where the edge was. What the machine does with either stands in machine.py.
+
+Source: WMX3 manual, "Limit Switches During Homing", "LS Type".
+"""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from ..parameters.axis import AxisParameters
 from ..procedures.motions import Way
-from ..procedures.states import LATCHES, LIMIT_PAIRS, Input, LSType, Role, Tier
+from ..procedures.states import LATCHES, LIMIT_PAIRS, Input, LSType, Role, Tier, Word
 from .signals import Edge, Switch
 
 
@@ -73,6 +98,139 @@ def limits_of(parameters: AxisParameters) -> dict[Input, Limit]:
                 role = Role.IGNORED
             limits[switch] = Limit(switch, tier, way, role, ls_action(ls_type, parameters))
     return limits
+
+
+class Situation(Word):
+    """What the axis does when a limit rises, seen from that limit."""
+
+    STOPPING_INTO = 'the run has ended, and the axis stops; it still moves into the limit'
+    STOPPING = 'the run has ended; the axis moves away from the limit, or rests'
+    AWAITED = 'the present row has an arrow for this limit'
+    TURNING_FOR_IT = 'it moves into the limit, and turns because this limit has risen before'
+    BRAKING_INTO = 'it moves into the limit, but brakes: to turn, to pause, or after the reference'
+    INTO = 'it moves into the limit, or is about to'
+    HOME_INTO = 'it moves to the home position, into the limit'
+    JUST_LEFT = 'it moves away from the limit, which fell here a moment ago'
+    AWAY = 'it moves away from the limit'
+    AT_REST = 'it rests, or comes to rest away from the limit'
+
+
+class Response(Word):
+    """What the rise of a limit does."""
+
+    IGNORE = 'nothing'
+    ARROW = 'nothing at once: the edge takes the arrow of the present row'
+    BRAKE_HARDER = 'brake with the deceleration of the LS Type, if that is harder'
+    ACT = 'the action of the LS Type, if that is a harder stop'
+    FAIL = 'the action of the LS Type; the run ends with LSTriggered'
+    FAIL_ALWAYS = 'the same, and with LS Type None a stop with ls_dec'
+    FAIL_SWAPPED = 'the same; the message asks whether the limit inputs are swapped'
+
+
+#: Without an action (LS Type None), these responses are nothing.
+NEED_ACTION = frozenset({Response.BRAKE_HARDER, Response.ACT, Response.FAIL})
+
+_IGNORE, _ARROW, _HARDER = Response.IGNORE, Response.ARROW, Response.BRAKE_HARDER
+_ACT, _FAIL, _ALWAYS = Response.ACT, Response.FAIL, Response.FAIL_ALWAYS
+_SWAPPED = Response.FAIL_SWAPPED
+
+# A table reads like the manual's.
+# fmt: off
+
+#: The responses of a limit ahead: situation -> (reversal, reference, normal).
+AHEAD: Mapping[Situation, tuple[Response, Response, Response]] = MappingProxyType({
+    #                          reversal  reference  normal
+    Situation.STOPPING_INTO:  (_ACT,     _ACT,      _ACT),
+    Situation.STOPPING:       (_IGNORE,  _IGNORE,   _IGNORE),
+    Situation.AWAITED:        (_ARROW,   _ARROW,    _ARROW),
+    Situation.TURNING_FOR_IT: (_IGNORE,  _IGNORE,   _IGNORE),
+    Situation.BRAKING_INTO:   (_HARDER,  _HARDER,   _HARDER),
+    Situation.INTO:           (_FAIL,    _FAIL,     _FAIL),
+    Situation.HOME_INTO:      (_ALWAYS,  _ALWAYS,   _FAIL),
+    Situation.AWAY:           (_IGNORE,  _IGNORE,   _IGNORE),
+    Situation.AT_REST:        (_IGNORE,  _IGNORE,   _IGNORE),
+})
+
+#: The responses of a limit behind, whose role is always normal.
+BEHIND: Mapping[Situation, Response] = MappingProxyType({
+    Situation.STOPPING_INTO:  _ACT,
+    Situation.STOPPING:       _IGNORE,
+    Situation.INTO:           _FAIL,
+    Situation.JUST_LEFT:      _IGNORE,
+    Situation.AWAY:           _SWAPPED,
+    Situation.AT_REST:        _IGNORE,
+})
+
+# fmt: on
+
+ROLES = (Role.REVERSAL, Role.REFERENCE, Role.NORMAL)
+
+#: The two tables as one: (the end that the limit guards, situation, role) -> response.
+RESPONSES: Mapping[tuple[Way, Situation, Role], Response] = MappingProxyType(
+    {
+        (Way.TOWARD, situation, role): response
+        for situation, responses in AHEAD.items()
+        for role, response in zip(ROLES, responses, strict=True)
+    }
+    | {(Way.AWAY, situation, Role.NORMAL): response for situation, response in BEHIND.items()}
+)
+
+
+class Moment(NamedTuple):
+    """What the axis does at the moment when a limit rises.
+
+    Attributes:
+        velocity: the command's, toward positive, m/s or rad/s.
+        heading: which way the present motion leads; NONE if it is a stop or a pause.
+        stopping: the run has ended, and the axis stops.
+        braking: the axis brakes to turn, to pause, or because the reference was taken.
+        to_home: the present motion goes to the home position.
+        awaited: the present row has an arrow for this limit.
+        turned_by_it: an edge of this limit led into the present row.
+        just_left: the limit fell here a moment ago, so that its rise is a bounce.
+        all_ls: ``all_ls_during_homing``: a normal limit acts whichever way the axis moves.
+    """
+
+    velocity: float
+    heading: Way
+    stopping: bool = False
+    braking: bool = False
+    to_home: bool = False
+    awaited: bool = False
+    turned_by_it: bool = False
+    just_left: bool = False
+    all_ls: bool = False
+
+
+def situation_of(limit: Limit, moment: Moment) -> Situation:
+    """Return what the axis does, seen from a limit that rises."""
+    into = moment.velocity * limit.way > 0.0
+    away = moment.velocity * limit.way < 0.0
+    acts_both_ways = moment.all_ls and limit.role is Role.NORMAL
+    if moment.stopping:
+        acts = into or (away and acts_both_ways)
+        return Situation.STOPPING_INTO if acts else Situation.STOPPING
+    if moment.awaited:
+        return Situation.AWAITED
+    if limit.way is Way.AWAY:
+        if away:
+            return Situation.JUST_LEFT if moment.just_left else Situation.AWAY
+    elif into and moment.braking:
+        return Situation.TURNING_FOR_IT if moment.turned_by_it else Situation.BRAKING_INTO
+    if into or moment.heading is limit.way or (away and acts_both_ways):
+        ahead = limit.way is Way.TOWARD
+        return Situation.HOME_INTO if ahead and moment.to_home else Situation.INTO
+    return Situation.AWAY if away else Situation.AT_REST
+
+
+def response_to(limit: Limit, moment: Moment) -> Response:
+    """Return what the rise of a limit does."""
+    if limit.role is Role.IGNORED:
+        return Response.IGNORE
+    response = RESPONSES[limit.way, situation_of(limit, moment), limit.role]
+    if limit.action is None and response in NEED_ACTION:
+        return Response.IGNORE
+    return response
 
 
 class LimitSwitches:

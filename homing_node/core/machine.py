@@ -13,9 +13,9 @@ from typing import NamedTuple
 from ..parameters.axis import AxisParameters
 from ..procedures.events import CONDITIONS, Event
 from ..procedures.motions import Kind, Way
-from ..procedures.states import Error, Input, Role, State
+from ..procedures.states import Error, Input, State
 from ..procedures.tables import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Row, Step
-from .limits import Action, LimitSwitches
+from .limits import Action, Limit, LimitSwitches, Moment, Response, response_to
 from .movement import Movement
 from .outcome import Fault
 from .passes import Passes
@@ -170,44 +170,28 @@ class Machine:
             self.limit_rises(edge.input)  # the row that would have taken it has just ended
 
     def limit_rises(self, switch: Input) -> None:
-        """Take a limit switch's rising edge at once, before its position is known.
-
-        What the present search takes as its reversal or reference is left to :meth:`edge`; all
-        else is decided here.
-        """
+        """Respond to a limit's rise at once, before its position is known (limits.py)."""
         limit = self._limits.get(switch)
         if limit is None:
             return
         self._both_on()
-        if limit.role is Role.IGNORED:
-            return
-        if not self.stopping and self._switches.awaits(self.row, limit, self._reversed):
-            return
-        velocity, action = self.profile.velocity, limit.action
-        ahead, into = limit.way is Way.TOWARD, velocity * limit.way > 0.0
-        acts = into or (
-            limit.role is Role.NORMAL and velocity != 0.0 and self.parameters.all_ls_during_homing
-        )
-        if self.stopping:
-            if action and acts:
-                self._act(action)
-        elif not ahead and velocity > 0.0:
-            if not self._limits.bounces(switch, self.feedback):
-                self.fail(
-                    Fault(
-                        Error.LSTriggered,
-                        f'the {limit.name} rose while the axis moved toward',
-                        'are the limit inputs swapped, or is home_direction wrong?',
-                    ),
-                    action,
-                )
-        elif ahead and into and self._braking:
-            if action and getattr(self._cause, 'input', None) is not switch:
-                self.profile.brake_harder(action.deceleration or self.parameters.ls_dec)
-        elif (acts or self._heads(limit.way)) and (
-            action or (limit.bars_home and self.row.motion.kind is Kind.HOME)
-        ):
-            again = ' for the second time in this run' if self._reversed and ahead else ''
+        action, response = limit.action, response_to(limit, self._moment(limit))
+        if response is Response.ACT and action:
+            self._act(action)
+        elif response is Response.BRAKE_HARDER and action:
+            self.profile.brake_harder(action.deceleration or self.parameters.ls_dec)
+        elif response is Response.FAIL_SWAPPED:
+            self.fail(
+                Fault(
+                    Error.LSTriggered,
+                    f'the {limit.name} rose while the axis moved toward',
+                    'are the limit inputs swapped, or is home_direction wrong?',
+                ),
+                action,
+            )
+        elif response in (Response.FAIL, Response.FAIL_ALWAYS):
+            second = self._reversed and limit.way is Way.TOWARD
+            again = ' for the second time in this run' if second else ''
             self.fail(Fault(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
 
     def limit_falls(self, switch: Input) -> None:
@@ -349,18 +333,20 @@ class Machine:
 
     # ------------------------------------------------------------------------------- the switches
 
-    @property
-    def _braking(self) -> bool:
-        """Whether the axis brakes: to turn, to pause, or because the reference was taken."""
-        motion = self.row.motion
-        return self.paused or motion.kind is Kind.REST or motion.way is Way.AWAY
-
-    def _heads(self, way: Way) -> bool:
-        """Tell whether the present motion goes a way, or is about to."""
-        return (
-            self._movement.leg.way is way
-            and not self.paused
-            and self.row.motion.kind is not Kind.REST
+    def _moment(self, limit: Limit) -> Moment:
+        """Return what the axis does now, for the response to a limit's rise."""
+        motion, cause = self.row.motion, self._cause
+        rests = self.paused or motion.kind is Kind.REST
+        return Moment(
+            velocity=self.profile.velocity,
+            heading=Way.NONE if rests else self._movement.leg.way,
+            stopping=self.stopping,
+            braking=rests or motion.way is Way.AWAY,
+            to_home=motion.kind is Kind.HOME,
+            awaited=self._switches.awaits(self.row, limit, self._reversed),
+            turned_by_it=isinstance(cause, Edge) and cause.input is limit.input,
+            just_left=self._limits.bounces(limit.input, self.feedback),
+            all_ls=self.parameters.all_ls_during_homing,
         )
 
     def _blocked(self, way: Way) -> bool:
