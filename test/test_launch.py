@@ -1,77 +1,133 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Launch files: what they name exists; where `launch` is installed, they load."""
+"""Launch files: what they start with which arguments, by a stand-in where `launch` is missing."""
 
-import ast
 import importlib.util
-import re
+import os
 from pathlib import Path
 
 import pytest
+import yaml
+from launch_stand_in import launched
 
 ROOT = Path(__file__).resolve().parent.parent
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+DEMO, HOMING = ROOT / 'launch' / 'demo.launch.py', ROOT / 'launch' / 'homing.launch.py'
 SETUP = (ROOT / 'setup.py').read_text()
+CONFIG = {'config': str(ROOT / 'config' / 'one_axis.yaml')}
+TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
+PROFILES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
+
+#: A value of each argument that is not its default.
+OTHERS = {
+    'config': '/tmp/axes.yaml',
+    'plant': '/tmp/machine.yaml',
+    'namespace': 'cell',
+    'setpoint_interface': 'position',
+    'setpoint_topic': '/axes_controller/commands',
+    'use_sim_time': 'true',
+    'log_level': 'debug',
+}
 
 each_file = pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
 
 
-def calls(path, name):
-    """Yield the calls of a function in a file."""
-    for node in ast.walk(ast.parse(path.read_text(), path.name)):
-        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == name:
-            yield node
+@pytest.fixture(autouse=True)
+def nothing_chosen(monkeypatch):
+    """Remove the user's choice of transports."""
+    for name in (TRANSPORTS, *PROFILES):
+        monkeypatch.delenv(name, raising=False)
 
 
-def declared(path):
-    return {call.args[0].value for call in calls(path, 'DeclareLaunchArgument')}
+def commands(context):
+    """Return what is started, with the parameters themselves in place of temporary files."""
 
+    def shown(word):
+        generated = 'launch_params' in word
+        return yaml.safe_load(Path(word).read_text()) if generated else word
 
-def keyword(call, name):
-    return next(k.value.value for k in call.keywords if k.arg == name)
+    return [(s.executable, [shown(word) for word in s.arguments]) for s in context.started]
 
 
 def test_there_are_launch_files():
-    assert {path.name for path in FILES} == {'homing.launch.py', 'demo.launch.py'}
+    assert FILES == [DEMO, HOMING]
 
 
 @each_file
-def test_compiles(path):
-    compile(path.read_text(), path, 'exec')
+def test_executables_and_files_exist(path, tmp_path):
+    started = launched(path, tmp_path, **CONFIG).started
+    assert started
+    for process in started:
+        assert process.package == 'homing_node'
+        assert f"'{process.executable}':" in SETUP
+        assert all(Path(file).is_file() for file in process.option('--params-file'))
 
 
 @each_file
-def test_arguments_are_declared_with_a_text_and_used(path):
-    used = {call.args[0].value for call in calls(path, 'LaunchConfiguration')}
-    assert used == declared(path)
-    assert all(keyword(call, 'description') for call in calls(path, 'DeclareLaunchArgument'))
+def test_every_argument_has_a_text_and_an_effect(path, tmp_path):
+    plain = launched(path, tmp_path, **CONFIG)
+    assert set(plain.declared) <= set(OTHERS)
+    for name, argument in plain.declared.items():
+        assert argument.description
+        changed = launched(path, tmp_path, **{**CONFIG, name: OTHERS[name]})
+        assert commands(changed) != commands(plain), name
+
+
+def test_demo_runs_as_it_stands(tmp_path):
+    node, plant = launched(DEMO, tmp_path).started
+    assert node.option('--params-file') == [str(ROOT / 'config' / 'demo.yaml')]
+    assert plant.option('--params-file') == [str(ROOT / 'config' / 'simulated_axes.yaml')]
+
+
+def test_homing_needs_a_configuration(tmp_path):
+    with pytest.raises(RuntimeError, match='config is required'):
+        launched(HOMING, tmp_path)
+
+
+@pytest.mark.parametrize('namespace', ['cell', '/cell', 'hall/cell'])
+def test_the_plant_of_the_demo_follows_the_namespace(tmp_path, namespace):
+    for process in launched(DEMO, tmp_path, namespace=namespace).started:
+        assert process.option('-r') == [f'__ns:=/{namespace.strip("/")}']
+
+
+def test_the_plant_of_the_demo_follows_the_setpoints(tmp_path):
+    arguments = {'setpoint_topic': '/axes/cmd', 'setpoint_interface': 'position'}
+    node, plant = launched(DEMO, tmp_path, **arguments).started
+    assert '~/position_commands:=/axes/cmd' in node.option('-r')
+    assert 'homing_node/position_commands:=/axes/cmd' in plant.option('-r')
+    for process in node, plant:
+        parameters = yaml.safe_load(Path(process.option('--params-file')[-1]).read_text())
+        assert parameters == {'/**': {'ros__parameters': {'setpoint_interface': 'position'}}}
 
 
 @each_file
-def test_executables_exist(path):
-    nodes = list(calls(path, 'Node'))
-    assert nodes
-    for node in nodes:
-        assert keyword(node, 'package') == 'homing_node'
-        assert f"'{keyword(node, 'executable')}':" in SETUP
+def test_what_is_not_given_stays_as_the_parameter_file_says(path, tmp_path):
+    for process in launched(path, tmp_path, **CONFIG).started:
+        assert len(process.option('--params-file')) == 1
+        assert process.option('-r') == []
 
 
 @each_file
-def test_files_exist(path):
-    named = re.findall(r"share, '(\w+)', '([\w.]+)'", path.read_text())
-    assert named or path.name == 'homing.launch.py'
-    for folder, name in named:
-        assert (ROOT / folder / name).is_file()
-
-
-def test_demo_passes_arguments_that_homing_takes():
-    demo, homing = ROOT / 'launch' / 'demo.launch.py', ROOT / 'launch' / 'homing.launch.py'
-    (include,) = calls(demo, 'IncludeLaunchDescription')
-    passed = next(k.value for k in include.keywords if k.arg == 'launch_arguments')
-    assert {key.value for key in passed.func.value.keys} <= declared(homing)
+@pytest.mark.parametrize('name', ['setpoint_interface', 'use_sim_time'])
+def test_a_value_that_does_not_exist_is_refused(path, name, tmp_path):
+    with pytest.raises(RuntimeError, match='is none of'):
+        launched(path, tmp_path, **CONFIG, **{name: 'maybe'})
 
 
 @each_file
-def test_loads(path):
+def test_shared_memory_is_avoided_and_the_range_is_not_touched(path, tmp_path):
+    assert launched(path, tmp_path, **CONFIG).environment == {TRANSPORTS: 'UDPv4'}
+    assert TRANSPORTS not in os.environ
+
+
+@each_file
+@pytest.mark.parametrize('name', [TRANSPORTS, *PROFILES])
+def test_the_transports_that_the_user_chose_stay(path, name, tmp_path, monkeypatch):
+    monkeypatch.setenv(name, 'DEFAULT')
+    assert launched(path, tmp_path, **CONFIG).environment == {}
+
+
+@each_file
+def test_loads(path, tmp_path):
     reason = 'launch comes with a ROS installation, not from PyPI'
     launch = pytest.importorskip('launch', reason=reason)
     pytest.importorskip('launch_ros', reason=reason)
@@ -80,4 +136,5 @@ def test_loads(path):
     spec.loader.exec_module(module)
     description = module.generate_launch_description()
     assert isinstance(description, launch.LaunchDescription)
-    assert {a.name for a in description.get_launch_arguments()} >= declared(path)
+    declared = launched(path, tmp_path, **CONFIG).declared
+    assert {a.name for a in description.get_launch_arguments()} >= set(declared) - {'use_sim_time'}

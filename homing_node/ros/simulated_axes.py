@@ -66,7 +66,7 @@ class Settings:
     feedback_rate: float = 500.0  # Hz
     step_rate: float = 1000.0  # Hz
     dead_time: float = 0.004  # s
-    target_node: str = '/homing_node'
+    target_node: str = 'homing_node'
     setpoint_interface: str = 'trajectory'
     setpoint_period: float = 0.004  # s, of position commands: they do not say how long they take
 
