@@ -19,13 +19,14 @@ ROOMS = [
     'plant',
     'rehearsal',
     'check',
+    'diagnosis',
     'figures',
     'ros',
     'client',
     'cli',
 ]
 #: Rooms that have no ROS, no clock, no thread and no I/O.
-PURE = ['procedures', 'core', 'course', 'check']
+PURE = ['procedures', 'core', 'course', 'check', 'diagnosis']
 #: What those may use of the standard library.
 PURE_LIBRARY = {
     'collections',
@@ -42,6 +43,8 @@ PURE_LIBRARY = {
 }
 #: The rooms that know ROS.
 ROS_ROOMS = ['ros', 'client']
+#: Verbs of the command that need ROS: they import it when they run, so that the others do not.
+ROS_VERBS = {'cli/doctor.py'}
 #: What the node never needs.
 TOOLS = {'rehearsal', 'figures', 'cli', 'client', 'course'}
 ROS = {
@@ -49,12 +52,15 @@ ROS = {
     'builtin_interfaces',
     'diagnostic_msgs',
     'homing_interfaces',
+    'lifecycle_msgs',
     'rcl_interfaces',
     'sensor_msgs',
     'std_msgs',
     'std_srvs',
     'trajectory_msgs',
 }
+#: Packages of ROS that need not be installed; who imports them does without.
+OPTIONAL = {'controller_manager_msgs'}
 THIRD = {'matplotlib', 'numpy', 'rich', 'ruckig', 'yaml'}
 
 FILES = [path for path in sorted(PACKAGE.rglob('*.py')) if path != PACKAGE / '__init__.py']
@@ -66,12 +72,20 @@ def room_of(path):
     return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
 
 
+def nodes_of(tree, within_functions):
+    """Yield the nodes of a module; those within functions only where they are wanted."""
+    for node in ast.iter_child_nodes(tree):
+        yield node
+        if within_functions or not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield from nodes_of(node, within_functions)
+
+
 @cache
-def imports_of(path):
+def imports_of(path, within_functions=True):
     """Return the modules that a file imports: our own by their path, others by their first."""
     own, others = set(), set()
     here = path.relative_to(PACKAGE).parts[:-1]
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(ast.parse(path.read_text()), within_functions):
         if isinstance(node, ast.Import):
             others |= {alias.name.partition('.')[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and not node.level:
@@ -97,14 +111,15 @@ def file_of(name):
 
 
 @cache
-def needed_by(path):
+def needed_by(path, within_functions=True):
     """Return all files that a file imports, however far away."""
     found, left = set(), [path]
     while left:
         one = left.pop()
         if one not in found:
             found.add(one)
-            left += [file_of(name) for name in imports_of(one)[0] if '/' in name]
+            own, _ = imports_of(one, within_functions)
+            left += [file_of(name) for name in own if '/' in name]
     return found
 
 
@@ -131,8 +146,8 @@ def test_who_knows_what(path):
     _, others = imports_of(path)
     room = room_of(path)
     assert 'ruckig' not in others or path.name == 'profile.py'
-    assert not others & ROS or room in ROS_ROOMS
-    assert others <= ROS | THIRD | set(sys.stdlib_module_names) - {'homing_node'}
+    assert not others & (ROS | OPTIONAL) or room in ROS_ROOMS
+    assert others <= ROS | OPTIONAL | THIRD | set(sys.stdlib_module_names) - {'homing_node'}
     if room in PURE:
         assert others <= PURE_LIBRARY | {'ruckig'}
         names = {
@@ -147,7 +162,10 @@ def test_who_knows_what(path):
     ids=lambda p: str(p.relative_to(PACKAGE)),
 )
 def test_only_the_node_and_the_client_need_ros(path):
-    assert not {room_of(one) for one in needed_by(path)} & set(ROS_ROOMS)
+    """A verb that needs ROS imports it when it runs; the command and the others load without."""
+    assert not {room_of(one) for one in needed_by(path, within_functions=False)} & set(ROS_ROOMS)
+    late = {room_of(file_of(name)) for name in imports_of(path)[0] if '/' in name} & set(ROS_ROOMS)
+    assert bool(late) == (str(path.relative_to(PACKAGE)) in ROS_VERBS)
 
 
 def test_the_node_needs_no_tools():

@@ -525,7 +525,7 @@ def test_what_becomes_of_a_faulty_configuration_is_told(capsys):
     assert '2  wrong arguments, or a file that cannot be read, used or written' in out
 
 
-@pytest.mark.parametrize('command', ['', 'check', 'run', 'plot', 'diagram'])
+@pytest.mark.parametrize('command', ['', 'check', 'run', 'doctor', 'plot', 'diagram'])
 def test_help_teaches(capsys, command):
     status, out, _ = run(capsys, *command.split(), '--help')
     assert status == 0 and 'exit status:' in out
@@ -649,3 +649,9 @@ def test_every_parameter_that_a_remedy_names_exists(capsys):
     _, out, _ = run(capsys, 'check', config, '--layout', PLANT, '--json')
     named = {one['parameter'] for one in json.loads(out)['findings'] if one['right'] is not None}
     assert named and named <= set(DEFINITIONS)
+
+
+def test_the_doctor_needs_ros_and_says_so(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'homing_node.ros.doctor', None)
+    status, _, err = run(capsys, 'doctor')
+    assert status == 2 and '`homing doctor` needs ROS 2' in err

@@ -17,7 +17,7 @@ class Severity(Word):
 
 
 class Finding(NamedTuple):
-    """One thing that a check has to say about an axis.
+    """One thing that a check has to say about an axis, or about the whole node (axis '').
 
     ``check`` is a word that stays the same for one kind of finding; ``parameter`` the one to
     change (or the key of the layout), ``value`` the number that was found, ``right`` what
@@ -38,7 +38,8 @@ class Finding(NamedTuple):
     @property
     def text(self) -> str:
         """Tell it in one line."""
-        return f'axis {self.axis}: {self.what}; {self.why}{self.remedy and "; " + self.remedy}'
+        subject = f'axis {self.axis}: ' if self.axis else ''
+        return f'{subject}{self.what}; {self.why}{self.remedy and "; " + self.remedy}'
 
     @property
     def remedy(self) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `homing`: know before you move. Needs no ROS.
+"""The command `homing`: know before you move. Only `homing doctor` needs ROS.
 
 Each of its commands is a module here: what it says of itself, its arguments, and `run`, which
 returns the exit status.
@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from . import check, diagram, plot, run
+from . import check, diagram, doctor, plot, run
 from .common import OK, USAGE, Failure
 
 STATUS = """\
@@ -21,17 +21,18 @@ exit status:
 """
 
 MAIN = """\
-Checks, rehearses and draws the homing of machine axes. Nothing moves, and no ROS is needed.
+Checks, rehearses and draws the homing of machine axes. Nothing moves; only `doctor` needs ROS.
 
   homing check axes.yaml --layout machine.yaml     prove a configuration before the first motion
   homing run axes.yaml --layout machine.yaml       rehearse it: how long, which way, where to
+  homing doctor                                    look at the running system, reading only
   homing plot run.npz                              draw a run
   homing diagram HSHS                              draw what a home type does
 
 `homing COMMAND --help` teaches each of them.
 """
 
-COMMANDS = {'check': check, 'run': run, 'plot': plot, 'diagram': diagram}
+COMMANDS = {'check': check, 'run': run, 'doctor': doctor, 'plot': plot, 'diagram': diagram}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

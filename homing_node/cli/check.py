@@ -3,12 +3,7 @@
 
 import argparse
 import json
-from collections.abc import Sequence
 from pathlib import Path
-
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from ..check import Finding, Severity, check, errors
 from ..parameters.definition import InvalidParameters
@@ -23,6 +18,7 @@ from .common import (
     layout_from,
     only,
     positive,
+    show_findings,
     timing_of,
 )
 
@@ -66,8 +62,6 @@ severities:
 
 FAILURE = 'an error was found, be it that the node cannot use CONFIG'
 
-COLOURS = {Severity.error: 'bold red', Severity.warning: 'yellow', Severity.info: 'cyan'}
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration(parser)
@@ -107,50 +101,10 @@ def run(arguments: argparse.Namespace) -> int:
             json.dumps({'ok': not failed, 'findings': [one.as_dict() for one in found]}, indent=2)
         )
     else:
-        _show_findings(console(), found, str(arguments.config))
+        show_findings(console(), found, str(arguments.config))
     return FAILED if failed else OK
 
 
 def _fault(text: str) -> Finding:
     """Return a finding that says what is wrong in the file itself."""
     return Finding(Severity.error, '', 'configuration', text, 'the node does not start with it')
-
-
-def _show_findings(console: Console, found: Sequence[Finding], name: str) -> None:
-    counts = {severity: sum(one.severity is severity for one in found) for severity in Severity}
-    words = [
-        f'{count} {severity}{"s" if count > 1 and severity is not Severity.info else ""}'
-        for severity, count in counts.items()
-        if count
-    ]
-    summary = f'{name}: {", ".join(words) or "nothing found"}'
-    if not console.is_terminal:
-        for one in found:
-            where = f'axis {one.axis}: ' if one.axis else ''
-            remedy = f' [{one.remedy}]' if one.remedy else ''
-            print(f'{one.severity}: {where}{one.check}: {one.what}; {one.why}{remedy}')
-        print(summary)
-        return
-    for axis in dict.fromkeys(one.axis for one in found):
-        table = Table(
-            title=f'axis {axis}' if axis else None,
-            title_justify='left',
-            title_style='bold',
-            show_header=False,
-            box=None,
-            padding=(0, 2, 1, 0),
-        )
-        table.add_column(no_wrap=True)
-        table.add_column(overflow='fold')
-        for one in found:
-            if one.axis == axis:
-                text = Text(one.what)
-                text.append(f'\n{one.why}', style='dim')
-                if one.remedy:
-                    text.append('\n→ ', style='green').append(one.remedy, style='bold green')
-                table.add_row(
-                    Text(f'{one.severity}\n{one.check}', style=COLOURS[one.severity]), text
-                )
-        console.print(table)
-    style = 'bold red' if counts[Severity.error] else 'bold green'
-    console.print(Text(summary, style=style))

@@ -2,11 +2,14 @@
 """What the commands share: exit statuses, the files and numbers that they are given."""
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
+from ..check import Finding, Severity
 from ..parameters import yaml_file
 from ..parameters.axis import AxisParameters
 from ..parameters.configuration import Configuration
@@ -15,6 +18,8 @@ from ..plant.layout_file import InvalidLayout, LayoutFile
 from ..plant.timing import Timing
 
 OK, FAILED, USAGE = 0, 1, 2
+
+COLOURS = {Severity.error: 'bold red', Severity.warning: 'yellow', Severity.info: 'cyan'}
 
 
 class Failure(Exception):
@@ -131,3 +136,44 @@ def written(path: Path, write: Callable[[], None]) -> None:
 
 def console() -> Console:
     return Console(highlight=False, soft_wrap=False)
+
+
+def show_findings(console: Console, found: Sequence[Finding], name: str) -> None:
+    """Print findings: tables on a terminal, otherwise a line each."""
+    counts = {severity: sum(one.severity is severity for one in found) for severity in Severity}
+    words = [
+        f'{count} {severity}{"s" if count > 1 and severity is not Severity.info else ""}'
+        for severity, count in counts.items()
+        if count
+    ]
+    summary = f'{name}: {", ".join(words) or "nothing found"}'
+    if not console.is_terminal:
+        for one in found:
+            where = f'axis {one.axis}: ' if one.axis else ''
+            remedy = f' [{one.remedy}]' if one.remedy else ''
+            print(f'{one.severity}: {where}{one.check}: {one.what}; {one.why}{remedy}')
+        print(summary)
+        return
+    for axis in dict.fromkeys(one.axis for one in found):
+        table = Table(
+            title=f'axis {axis}' if axis else None,
+            title_justify='left',
+            title_style='bold',
+            show_header=False,
+            box=None,
+            padding=(0, 2, 1, 0),
+        )
+        table.add_column(no_wrap=True)
+        table.add_column(overflow='fold')
+        for one in found:
+            if one.axis == axis:
+                text = Text(one.what)
+                text.append(f'\n{one.why}', style='dim')
+                if one.remedy:
+                    text.append('\n→ ', style='green').append(one.remedy, style='bold green')
+                table.add_row(
+                    Text(f'{one.severity}\n{one.check}', style=COLOURS[one.severity]), text
+                )
+        console.print(table)
+    style = 'bold red' if counts[Severity.error] else 'bold green'
+    console.print(Text(summary, style=style))
