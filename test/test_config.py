@@ -242,6 +242,11 @@ MALFORMED = {
     ),
     'no value': (b'/**:\n  ros__parameters:\n    a: 1\n    b:\n', 4, 'b: no value'),
     'empty mapping': (b'/**:\n  ros__parameters:\n    a: {}\n    b: 1\n', 3, 'a: no value'),
+    'lists in a list': (
+        b"/**:\n  ros__parameters:\n    home_sequence: [['z'], ['x', 'y']]\n",
+        3,
+        "home_sequence: a list holds no lists; write each as one string: ['z', 'x, y']",
+    ),
     'alias': (b'/**:\n  ros__parameters:\n    a: &q 1\n    b: *q\n', 4, 'no aliases'),
     'open quote': (b'/**:\n  ros__parameters:\n    a: "open\n', 4, 'quoted scalar'),
     'tab': (b'/**:\n  ros__parameters:\n\ta: 1\n', 3, 'cannot start any token'),
@@ -294,6 +299,13 @@ def test_nothing_for_the_node(tmp_path, data, text):
     assert caught.value.faults == (f'{path}: {text}',)
 
 
+def test_a_file_that_is_nested_too_deeply(tmp_path):
+    path = tmp_path / 'axes.yaml'
+    path.write_text('[' * 5000)
+    with pytest.raises(InvalidParameters, match='nested too deeply'):
+        load(path)
+
+
 def test_another_namespace(tmp_path):
     path = tmp_path / 'axes.yaml'
     path.write_text(
@@ -301,6 +313,42 @@ def test_another_namespace(tmp_path):
         '    x: {home_type: CurrentPos, travel: 1}\n'
     )
     assert load(path, '/cell/homing_node').axes['x'].travel == 1.0
+    assert load(path, 'cell/homing_node').axes['x'].travel == 1.0
+
+
+def test_the_simulated_axes_say_every_fault():
+    with pytest.raises(InvalidParameters) as caught:
+        settings_from(
+            {
+                'axes': ['x', 'y'],
+                'x.hard_stops': [0.0, 0.2],
+                'x.joint': 'j',
+                'y.joint': 'j',
+                'z.lag': 0.1,
+                'z.start': 0.1,
+                'feedback_rate': 0,
+                'dead_time': 0.001,
+                'setpoint_interface': 'velocity',
+                'steprate': 1000.0,
+                'use_sim_time': True,
+            }
+        )
+    assert caught.value.faults == (
+        'feedback_rate: 0.0 Hz must be >= 1 and <= 5000 Hz',
+        "setpoint_interface: 'velocity' is none of trajectory, position",
+        "steprate: no such parameter; did you mean 'step_rate'?",
+        "z: 'z' is none of the axes x, y: add it to axes, or delete its parameters",
+        'use_sim_time: must be false, the simulated axes run in real time',
+        'dead_time: 0.001 s must be >= 2 steps, 0.002 s (step_rate)',
+        'joint: two axes have the same joint: j, j',
+        'y.hard_stops: required, but not set (the lower and the upper end, m or rad)',
+    )
+
+
+@pytest.mark.parametrize('axes', [None, [], ['x', 'x'], [1], ['2x'], 'x'])
+def test_the_simulated_axes_need_names(axes):
+    with pytest.raises(InvalidParameters, match='axes: '):
+        settings_from({'axes': axes, 'x.hard_stops': [0.0, 1.0]})
 
 
 def test_faults_have_their_lines(tmp_path):

@@ -135,7 +135,7 @@ def test_an_axis_that_is_named_twice_has_its_faults_told_once():
         ({'axes': ['']}, ["''"]),
         ({'x__travel': None}, ['x.travel: required', 'm']),
         ({'x__home_type': None}, ['x.home_type: required']),
-        ({'x__travel': 0}, ['x.travel', '0', '> 0 m']),
+        ({'x__travel': 0}, ['x.travel: 0.0 m', '>= 1e-06 and <= 100000 m']),
         (
             {'x__homing_velocity_fst': 0.1},
             ['x.homing_velocity_fst', "did you mean 'homing_velocity_fast'"],
@@ -146,12 +146,15 @@ def test_an_axis_that_is_named_twice_has_its_faults_told_once():
         ({'x__topics__home_switch': '/a//b'}, ['x.topics.home_switch', "'/a//b'"]),
         ({'x__topics__home_switch': '/1'}, ['x.topics.home_switch', "'/1'"]),
         ({'x__homing_velocity_slow': 0.1}, ['x.homing_velocity_slow', '0.1 m/s', '0.05 m/s']),
-        ({'z__travel': 1.0}, ['z.travel', "'z' is none of the axes x"]),
+        (
+            {'z__travel': 1.0, 'z__max_jerk': 1.0},
+            ["z: 'z' is none of the axes x: add it to axes, or delete its parameters"],
+        ),
         ({'update_rat': 250.0}, ['update_rat', "did you mean 'update_rate'"]),
         ({'update_rate': 0.5}, ['update_rate: 0.5 Hz must be >= 1']),
         ({'update_rate': 1e4}, ['update_rate', '<= 2000 Hz']),
         ({'update_rate': True}, ['update_rate', 'a number']),
-        ({'cycle_timeout': 0.0}, ['cycle_timeout', '> 0 s']),
+        ({'cycle_timeout': 0.0}, ['cycle_timeout', '>= 0.001 and <= 60 s']),
         (
             {'setpoint_interface': 'velocity'},
             ['setpoint_interface', "'velocity'", 'trajectory, position'],
@@ -211,12 +214,18 @@ def test_values_of_an_axis_taken_together():
     assert fault.startswith('x.homing_velocity_slow: 1 m/s')
 
 
+def test_an_axis_that_is_not_in_axes_is_told_in_one_line():
+    assert faults(flat(z__travel=1.0, z__home_type='HS', z__max_jerk=1.0)) == (
+        "z: 'z' is none of the axes x: add it to axes, or delete its parameters",
+    )
+
+
 def test_a_value_of_the_node():
     check_node_value('cycle_timeout', 1, ['x'])
     check_node_value('home_sequence', ['x'], ['x'])
     with pytest.raises(ValueError, match='home_sequence'):
         check_node_value('home_sequence', ['z'], ['x'])
-    with pytest.raises(ValueError, match=r'cycle_timeout: -1\.0 s must be > 0 s'):
+    with pytest.raises(ValueError, match=r'cycle_timeout: -1\.0 s must be >= 0\.001'):
         check_node_value('cycle_timeout', -1, ['x'])
 
 

@@ -37,6 +37,7 @@ def fault(**changes):
 
 DEFAULTS = {
     'joint': '',
+    'unit': 'm',
     'home_type': REQUIRED,
     'home_direction': 'Positive',
     'travel': REQUIRED,
@@ -47,7 +48,7 @@ DEFAULTS = {
     'homing_velocity_slow_acc': 0.5,
     'homing_velocity_slow_dec': 0.5,
     'homing_reverse_distance': 0.0,
-    'home_shift_velocity': 0.05,
+    'home_shift_velocity': 0.0,
     'home_shift_acc': 0.5,
     'home_shift_dec': 0.5,
     'home_shift_distance': 0.0,
@@ -110,7 +111,7 @@ DEFAULTS = {
 RATIOS = ('z_pulse_distance_tolerance', 'index_margin')
 REALS = [name for name, definition in DEFINITIONS.items() if definition.kind is float]
 SIGNED = ('home_shift_distance', 'home_position')
-POSITIVE = [name for name in REALS if DEFINITIONS[name].open_minimum]
+POSITIVE = [name for name in REALS if DEFINITIONS[name].least > 0.0]
 
 
 def test_every_parameter_stands_in_the_table():
@@ -134,7 +135,9 @@ def test_every_parameter_is_explained(name):
 
 @pytest.mark.parametrize('name', POSITIVE)
 def test_what_must_be_positive(name):
-    assert fault(**{name: 0.0}).startswith(f'{name}: 0.0 {DEFINITIONS[name].unit} must be > 0')
+    definition = DEFINITIONS[name]
+    said = f' {definition.unit} must be >= {definition.minimum:g} and <= {definition.maximum:g}'
+    assert fault(**{name: 0.0}) == f'{name}: 0.0{said} {definition.unit}'
     assert fault(**{name: -1.0}).startswith(f'{name}: -1.0')
 
 
@@ -145,14 +148,58 @@ def test_which_must_be_positive():
         'ls_dec',
         'ls_slow_dec',
         'feedback_timeout',
-        *(name for name in REALS if 'velocity' in name or name.endswith(('_acc', '_dec'))),
+        'homing_velocity_fast',
+        'homing_velocity_slow',
+        *(name for name in REALS if name.endswith(('_acc', '_dec'))),
     }
 
 
 @pytest.mark.parametrize('name', [n for n in REALS if n not in SIGNED and n not in POSITIVE])
 def test_what_must_not_be_negative(name):
     assert getattr(built(**{name: 0}), name) == 0.0
-    assert 'must be >= 0' in fault(**{name: -1e-9})
+    assert '>= ' in fault(**{name: -1e-9})
+
+
+@pytest.mark.parametrize('name', REALS)
+@pytest.mark.parametrize('value', [1e-300, 1e300])
+def test_no_parameter_has_a_value_that_no_machine_has(name, value):
+    definition = DEFINITIONS[name]
+    if value < 1 and definition.minimum <= 0.0:
+        return  # a position, a fraction: as good as 0
+    found = fault(**{name: value})
+    assert found.startswith(f'{name}: {value!r}')
+    assert found.endswith(f'{definition.bounds} {definition.unit}'.rstrip())
+
+
+def test_zero_stands_for_none_or_computed():
+    assert fault(following_error=1e-300) == (
+        'following_error: 1e-300 m must be 0 or >= 1e-09 and <= 100000 m'
+    )
+    assert built(following_error=0).following_error_limit > 0.0
+
+
+def test_a_ramp_and_a_move_end():
+    assert fault(max_jerk=0.001, homing_velocity_fast=5, homing_velocity_fast_acc=5) == (
+        'max_jerk: with 0.001 m/s^3 the ramp to 5 m/s takes 141 s, it must be <= 100 s'
+    )
+    assert fault(homing_velocity_fast=0.05, homing_velocity_fast_dec=1e-4) == (
+        'homing_velocity_fast_dec: with 0.0001 m/s^2 the ramp to 0.05 m/s takes 500 s, '
+        'it must be <= 100 s'
+    )
+    assert fault(home_shift_velocity=1e-5, home_shift_distance=-0.1) == (
+        'home_shift_distance: 0.1 m at 1e-05 m/s takes 1e+04 s, it must be <= 3600 s'
+    )
+
+
+def test_messages_of_a_rotary_axis_say_rad():
+    assert fault(unit='rad', homing_velocity_slow=0.06) == (
+        'homing_velocity_slow: 0.06 rad/s must be <= homing_velocity_fast, 0.05 rad/s'
+    )
+    assert fault(unit='rad', max_jerk=0) == (
+        'max_jerk: 0.0 rad/s^3 must be >= 0.001 and <= 1e+09 rad/s^3'
+    )
+    assert fault(unit='rad', travel='long') == "travel: 'long' is not a number (rad)"
+    assert fault(unit='deg') == "unit: 'deg' is none of m, rad"
 
 
 @pytest.mark.parametrize('name', SIGNED)
@@ -171,7 +218,7 @@ def test_tolerance_is_relative():
 def test_reals_are_finite(name, value):
     found = fault(**{name: value})
     assert found.startswith(f'{name}: {value}')
-    assert 'must be finite' in found
+    assert f'must be {DEFINITIONS[name].bounds}' in found
 
 
 @pytest.mark.parametrize('name', REALS)
@@ -210,6 +257,7 @@ def test_a_joint_is_a_string(value):
     ('name', 'value', 'meant'),
     [
         ('home_type', 'HSZpulse', 'HSZPulse'),
+        ('home_type', 'hs', 'HS'),
         ('home_direction', 'positive', 'Positive'),
         ('ls_type', 'dec', 'Dec'),
         ('ls_direction', 'Reversed', 'Reverse'),
@@ -479,6 +527,8 @@ def test_paces():
     assert made.pace(Pace.FAST) == (0.05, 0.5, 0.7)
     assert made.pace(Pace.SLOW) == (0.005, 0.5, 0.5)
     assert made.pace(Pace.SHIFT) == (0.05, 0.2, 0.5)
+    assert built(homing_velocity_fast=0.005).pace(Pace.SHIFT)[0] == 0.005
+    assert built(home_shift_velocity=0.2).pace(Pace.SHIFT)[0] == 0.2
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from homing_node.course import Happening
+from homing_node.parameters.definition import InvalidParameters
 from homing_node.plant.layout import SWITCHES, AxisLayout, SwitchLayout, layouts_from, mirrored
 from homing_node.plant.simulated_axis import SimulatedAxis
 
@@ -401,31 +402,27 @@ def test_all_faults_of_layouts_are_reported_at_once():
         'z': {},
         'w': 3,
     }
-    with pytest.raises(ValueError) as caught:
+    with pytest.raises(InvalidParameters) as caught:
         layouts_from(mapping)
-    assert str(caught.value).splitlines() == [
-        "axis x: inverted names 'z_pulse', which is none of " + ', '.join(SWITCHES),
-        'axis x: home_switch begins at 0.2 and ends below that, at 0.1 m or rad',
-        'axis x: home_switch_hysteresis -0.001 m or rad is less than 0.0 m or rad',
-        'axis x: positive_limit_switch [1.0] is not a pair [from, to] of numbers, m or rad',
-        "axis x: negative_limit_switch 'left' is not a pair [from, to] of numbers, m or rad",
-        'axis x: near_positive_limit_switch_hysteresis is given, '
-        'but near_positive_limit_switch is not',
-        'axis x: inverted names external_positive_limit_switch, which is not given',
-        'axis x: touch_probe nan is not a number (unit: m or rad)',
-        "axis x: index_pitch '0.01' is not a number (unit: m or rad)",
-        'axis x: lag True is not a number (unit: s)',
-        'axis x: start 3.0 m or rad is beyond hard_stops [-1.0, 1.0]',
-        'axis x: home_swich is unknown',
-        'axis y: hard_stops leave no travel: both are 1.0 m or rad',
-        "axis y: inverted 'home_switch' is not a list of switch names",
-        'axis z: hard_stops is missing: [lower, upper] in m or rad',
-        'axis w: a mapping is expected, not 3',
-    ]
+    assert caught.value.faults == (
+        'x.home_switch: 0.2 m or rad must be <= 0.1 m or rad, where it ends',
+        'x.home_switch_hysteresis: -0.001 m or rad must be >= 0 and <= 1e+06 m or rad',
+        'x.positive_limit_switch: [1.0] is not a pair [from, to] of numbers (m or rad)',
+        "x.negative_limit_switch: 'left' is not a pair [from, to] of numbers (m or rad)",
+        "x.inverted: 'z_pulse' is none of " + ', '.join(SWITCHES),
+        "x.index_pitch: '0.01' is not a number (m or rad)",
+        'x.lag: True is not a number (s)',
+        'x.touch_probe: nan m or rad must be >= -1e+06 and <= 1e+06 m or rad',
+        "x.home_swich: no such parameter; did you mean 'home_switch'?",
+        'x.near_positive_limit_switch_hysteresis: near_positive_limit_switch is not given',
+        'x.start: 3.0 m or rad must be within hard_stops, [-1.0, 1.0]',
+        "y.inverted: 'home_switch' is not a list of inputs",
+        'y.hard_stops: both are 1.0 m or rad, which leaves no travel',
+        'z.hard_stops: required, but not set (the lower and the upper end, m or rad)',
+        'w: 3 is not a mapping of keys to values',
+    )
 
 
-def test_step_in_which_nothing_happens_makes_no_new_object():
-    layout = AxisLayout((0.0, 1.0), {HOME: SwitchLayout(0.5, 0.6)})
-    still, moving = SimulatedAxis(layout), SimulatedAxis(layout._replace(lag=0.01))
-    moving.follow(0.4)
-    assert still.step(0.001) is moving.step(0.001)
+def test_a_switch_that_is_not_given_is_not_inverted():
+    with pytest.raises(InvalidParameters, match=r'x\.inverted: home_switch is not given'):
+        layouts_from({'x': {'hard_stops': [0, 1], 'inverted': ['home_switch']}})

@@ -176,7 +176,7 @@ class _Values:
             )
         if p.timeout and self.searches:
             pace = self.searches[0].motion.pace
-            least = p.travel / p.pace(pace)[0] + abs(p.home_shift_distance) / p.home_shift_velocity
+            least = p.travel / p.pace(pace)[0] + abs(p.home_shift_distance) / p.pace(Pace.SHIFT)[0]
             if p.timeout < least:
                 yield self.found(
                     Severity.warning,

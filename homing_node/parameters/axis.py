@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of an axis: one frozen dataclass that everything else derives from.
+"""The parameters of an axis: what follows from them, and that they agree with each other.
 
-ROS descriptors, the YAML loader, the reference table and the cross-checks all read the fields of
-:class:`AxisParameters`; a new parameter is one new field. SI units: m or rad, s. Names are the
-WMX3 manual's in snake_case.
+The parameters themselves stand in axis_fields.py. Units: m or rad, s.
 """
 
 import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from math import sqrt
 
 from ..procedures.events import Event
 from ..procedures.motions import Kind, Pace, Way
@@ -18,7 +16,6 @@ from ..procedures.states import (
     LIMIT_PAIRS,
     Direction,
     HomeType,
-    IndexMarginAction,
     Input,
     LSDirection,
     LSType,
@@ -26,209 +23,20 @@ from ..procedures.states import (
     Tier,
 )
 from ..procedures.tables import PROCEDURES, Procedure
-from .definition import REQUIRED, Definition, InvalidParameters, suggestion
+from .axis_fields import AxisFields
+from .definition import REQUIRED, Definition, InvalidParameters, read
+from .units import Unit
 
-
-def _parameter(kind: type, default: Any, text: str, unit: str = '', **bounds: Any) -> Any:
-    metadata = {'definition': Definition(text, kind, unit, **bounds)}
-    if default is REQUIRED:
-        return dataclasses.field(metadata=metadata)
-    return dataclasses.field(default=default, metadata=metadata)
-
-
-def _positive(default: Any, unit: str, text: str) -> Any:
-    return _parameter(float, default, text, unit, minimum=0.0, open_minimum=True)
-
-
-def _distance(default: float, text: str) -> Any:
-    return _parameter(float, default, text, 'm', minimum=0.0)
-
-
-def _duration(default: float, text: str) -> Any:
-    return _parameter(float, default, text, 's', minimum=0.0)
-
-
-def _flag(default: bool, text: str) -> Any:
-    return _parameter(bool, default, text)
-
-
-def _inversion(switch: str) -> Any:
-    return _flag(False, f'{switch}: on when the signal is false')
-
-
-def _separate_ls_type(side: str) -> Any:
-    return _ls_type(LSType.none, f'action of the {side} one with SeparatePositiveLSNegativeLS')
-
-
-def _ls_type(default: LSType, text: str) -> Any:
-    return _parameter(LSType, default, text)
+#: Longer than these no ramp and no move of a machine takes, s.
+LONGEST_RAMP, LONGEST_MOVE = 100.0, 3600.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class AxisParameters:
-    """All parameters of one axis, in SI units (m or rad, s); immutable during a run.
+class AxisParameters(AxisFields):
+    """The parameters of one axis, and what follows from them; immutable during a run.
 
-    Build it with :func:`axis_parameters`, which checks every value and the cross-checks.
+    Build it with :func:`axis_parameters`, which checks each value and that they agree.
     """
-
-    home_type: HomeType = _parameter(HomeType, REQUIRED, 'how the axis homes')
-    home_direction: Direction = _parameter(
-        Direction, Direction.Positive, 'homing direction in raw coordinates'
-    )
-    joint: str = _parameter(
-        str, '', "joint in joint_states and in the setpoints ('': the axis's name)"
-    )
-    travel: float = _positive(REQUIRED, 'm', 'mechanical travel of the axis')
-
-    homing_velocity_fast: float = _positive(
-        0.05, 'm/s', 'velocity of switch searches and reversals'
-    )
-    homing_velocity_fast_acc: float = _positive(0.5, 'm/s^2', 'acceleration of the fast profile')
-    homing_velocity_fast_dec: float = _positive(0.5, 'm/s^2', 'deceleration of the fast profile')
-    homing_velocity_slow: float = _positive(
-        0.005, 'm/s', 'velocity at which a reference is taken after a coarse pass or on a latch'
-    )
-    homing_velocity_slow_acc: float = _positive(0.5, 'm/s^2', 'acceleration of the slow profile')
-    homing_velocity_slow_dec: float = _positive(0.5, 'm/s^2', 'deceleration of the slow profile')
-    homing_reverse_distance: float = _distance(0.0, 'further away after a switch was cleared')
-    home_shift_velocity: float = _positive(0.05, 'm/s', 'velocity of the final move')
-    home_shift_acc: float = _positive(0.5, 'm/s^2', 'acceleration of the final move')
-    home_shift_dec: float = _positive(0.5, 'm/s^2', 'deceleration of the final move')
-    home_shift_distance: float = _parameter(
-        float, 0.0, 'final move past the home position, along the homing direction', 'm'
-    )
-    home_position: float = _parameter(
-        float, 0.0, 'what the axis reads at the end of the final move', 'm'
-    )
-    max_jerk: float = _positive(10.0, 'm/s^3', 'jerk of every profile')
-
-    invert_hs_polarity: bool = _inversion('home switch')
-    invert_positive_ls_polarity: bool = _inversion('positive limit switch')
-    invert_negative_ls_polarity: bool = _inversion('negative limit switch')
-    invert_near_positive_ls_polarity: bool = _inversion('near positive limit switch')
-    invert_near_negative_ls_polarity: bool = _inversion('near negative limit switch')
-    invert_external_positive_ls_polarity: bool = _inversion('external positive limit switch')
-    invert_external_negative_ls_polarity: bool = _inversion('external negative limit switch')
-
-    multiple_z_pulse: int = _parameter(
-        int, 0, 'take the n-th Z-pulse (0 and 1: the first)', minimum=0, maximum=1_000_000
-    )
-    z_pulse_distance_check: float = _distance(
-        0.0, 'expected distance between Z-pulses (0: not checked)'
-    )
-    z_pulse_distance_tolerance: float = _parameter(
-        float, 0.05, 'relative tolerance of z_pulse_distance_check', minimum=0.0, maximum=1.0
-    )
-    max_z_pulse_distance: float = _distance(
-        0.0, 'bound from the arming edge to the Z-pulse (0: only the search bound)'
-    )
-
-    z_pulse_arm_delay: float = _distance(
-        0.0, 'how far beyond the arming edge a Z-pulse must lie to count'
-    )
-    index_margin: float = _parameter(
-        float,
-        0.1,
-        'least distance of the arming edge from a Z-pulse, as a fraction of the pitch',
-        minimum=0.0,
-        maximum=0.5,
-    )
-    index_margin_action: IndexMarginAction = _parameter(
-        IndexMarginAction, IndexMarginAction.Warn, 'what to do below index_margin'
-    )
-
-    max_hs_on_at_start_reverse_distance: float = _distance(
-        0.0, 'bound for clearing a home switch that is on at start (0: only the search bound)'
-    )
-    max_ls_reverse_distance: float = _distance(
-        0.0, 'bound for the reversal from a limit switch (0: only the search bound)'
-    )
-    max_search_distance: float = _distance(0.0, 'bound of any one search (0: 1.1 x travel)')
-    timeout: float = _duration(
-        0.0, 'bound of a whole run (0: computed from the bounds and speeds, + 50 %)'
-    )
-
-    immediate_stop_at_ls: bool = _flag(
-        False, 'where a limit is the reversal or the reference, the command freezes at its edge'
-    )
-    open_loop_homing: bool = _flag(
-        False, 'take the commanded instead of the feedback position at switch edges'
-    )
-    pause_mode: bool = _flag(False, 'pause before each reversal until `continue`')
-
-    ls_type: LSType = _ls_type(LSType.Dec, 'action of the hardware limit switches')
-    positive_ls_type: LSType = _separate_ls_type('positive')
-    negative_ls_type: LSType = _separate_ls_type('negative')
-    ls_dec: float = _positive(1.0, 'm/s^2', 'deceleration at limits, faults and emergency stop')
-    ls_slow_dec: float = _positive(0.5, 'm/s^2', 'deceleration of the SlowDec actions')
-    all_ls_during_homing: bool = _flag(
-        False, 'limit switches act whatever the direction of motion'
-    )
-    ls_direction: LSDirection = _parameter(
-        LSDirection, LSDirection.Normal, 'Reverse swaps the positive and negative limit inputs'
-    )
-    near_ls_type: LSType = _ls_type(LSType.none, 'action of the near limit switches')
-    near_positive_ls_type: LSType = _separate_ls_type('near positive')
-    near_negative_ls_type: LSType = _separate_ls_type('near negative')
-    external_ls_type: LSType = _ls_type(LSType.none, 'action of the external limit switches')
-    external_positive_ls_type: LSType = _separate_ls_type('external positive')
-    external_negative_ls_type: LSType = _separate_ls_type('external negative')
-
-    mechanical_end_detection_pos_diff: float = _distance(
-        0.0, 'command minus feedback that means the mechanical end'
-    )
-    mechanical_end_detection_time: float = _duration(0.0, 'how long it must be exceeded')
-    mechanical_end_detection_ignore_ls: bool = _flag(
-        False, 'limit switches ahead are ignored while searching the mechanical end'
-    )
-    mechanical_end_detection_first_torque_limit: float = _parameter(
-        float, 0.0, 'torque limit while searching the end (0: none)', '%', minimum=0.0
-    )
-    mechanical_end_detection_second_torque_limit: float = _parameter(
-        float, 0.0, 'torque limit once the end was touched (0: the first)', '%', minimum=0.0
-    )
-
-    switches: tuple[Input, ...] = _parameter(
-        tuple,
-        (Input.HOME_SWITCH, Input.POSITIVE_LIMIT_SWITCH, Input.NEGATIVE_LIMIT_SWITCH),
-        'the inputs that are wired',
-    )
-    switch_debounce: float = _duration(0.0, 'how long a level must last to be believed')
-    switch_timeout: float = _duration(
-        0.0, 'largest age of a periodically published switch (0: published on change only)'
-    )
-    switch_latency: float = _duration(
-        0.0, "the switch driver's own delay before publishing, taken off the edge's time"
-    )
-    switch_stamp_error: float = _duration(
-        0.002, "how far a switch's stamp may be from its edge; for `uncertainty`"
-    )
-    feedback_timeout: float = _positive(0.2, 's', 'largest age of the feedback')
-
-    following_error: float = _distance(
-        0.0, 'largest |command - feedback| (0: homing_velocity_fast x 0.5 s)'
-    )
-    wrong_direction_distance: float = _distance(
-        0.0,
-        'commanded distance after which the feedback must not go the other way (0: 1 % of travel)',
-    )
-    edge_tolerance: float = _distance(
-        0.0, 'how far the second pass may be from the first (0: homing_velocity_fast x 0.005 s)'
-    )
-
-    repeat: int = _parameter(
-        int,
-        1,
-        'number of slow passes over the reference; home is their mean',
-        minimum=1,
-        maximum=100,
-    )
-    repeat_tolerance: float = _distance(0.0, 'largest spread of the passes (0: edge_tolerance)')
-
-    clear_home_done_on_servo_off: bool = _flag(True, 'servo off: the axis is no longer homed')
-    clear_home_done_on_comm_stop: bool = _flag(True, 'feedback lost: the axis is no longer homed')
-
-    # ------------------------------------------------------------------ what follows from them
 
     @property
     def procedure(self) -> Procedure:
@@ -240,10 +48,12 @@ class AxisParameters:
 
     def pace(self, pace: Pace) -> tuple[float, float, float]:
         """Return (velocity, acceleration, deceleration) of a pace."""
-        prefix = pace.value
-        velocity = 'home_shift_velocity' if pace is Pace.SHIFT else prefix
-        names = (velocity, f'{prefix}_acc', f'{prefix}_dec')
-        return tuple(getattr(self, name) for name in names)
+        own: dict[Pace, float] = {
+            Pace.FAST: self.homing_velocity_fast,
+            Pace.SLOW: self.homing_velocity_slow,
+            Pace.SHIFT: self.home_shift_velocity or self.homing_velocity_fast,
+        }
+        return own[pace], getattr(self, f'{pace}_acc'), getattr(self, f'{pace}_dec')
 
     @property
     def search_distance(self) -> float:
@@ -330,7 +140,10 @@ class AxisParameters:
 
     def cross_check(self) -> list[str]:
         """Return every contradiction between parameters, a line each."""
-        faults = []
+        return [self.unit.in_message(fault) for fault in self._contradictions()]
+
+    def _contradictions(self) -> list[str]:
+        faults = self._too_long()
         fast, slow = self.homing_velocity_fast, self.homing_velocity_slow
         if slow > fast:
             faults.append(
@@ -398,6 +211,33 @@ class AxisParameters:
                     faults.append(f'{name}: must be an action, not SeparatePositiveLSNegativeLS')
         return faults
 
+    def _too_long(self) -> list[str]:
+        """Return the motions that take longer than a machine can mean."""
+        faults = []
+        for pace in Pace:
+            velocity, *rates = self.pace(pace)
+            for rate, suffix in zip(rates, ('acc', 'dec'), strict=True):
+                time = ramp_time(velocity, rate, self.max_jerk)
+                if time > LONGEST_RAMP:
+                    jerk = velocity / rate < rate / self.max_jerk
+                    name = 'max_jerk' if jerk else f'{pace}_{suffix}'
+                    definition = DEFINITIONS[name]
+                    faults.append(
+                        f'{name}: with {getattr(self, name):g} {definition.unit} the ramp to '
+                        f'{velocity:g} m/s takes {time:.3g} s, it must be <= {LONGEST_RAMP:g} s'
+                    )
+        for name, distance, pace in (
+            ('homing_reverse_distance', self.homing_reverse_distance, Pace.FAST),
+            ('home_shift_distance', abs(self.home_shift_distance), Pace.SHIFT),
+        ):
+            velocity = self.pace(pace)[0]
+            if distance / velocity > LONGEST_MOVE:
+                faults.append(
+                    f'{name}: {distance:g} m at {velocity:g} m/s takes '
+                    f'{distance / velocity:.3g} s, it must be <= {LONGEST_MOVE:g} s'
+                )
+        return list(dict.fromkeys(faults))
+
     def _check_target(self, tier: Tier) -> list[str]:
         target = self.limit_switch(tier, Way.TOWARD)
         if target not in self.switches:
@@ -411,33 +251,37 @@ class AxisParameters:
 
 
 DEFINITIONS: Mapping[str, Definition] = {
-    f.name: f.metadata['definition']._replace(
-        name=f.name, default=REQUIRED if f.default is dataclasses.MISSING else f.default
+    f.name: dataclasses.replace(
+        f.metadata['definition'],
+        name=f.name,
+        default=REQUIRED if f.default is dataclasses.MISSING else f.default,
     )
     for f in dataclasses.fields(AxisParameters)
+}
+
+
+#: The same for a rotary axis.
+_BY_UNIT: Mapping[Unit, Mapping[str, Definition]] = {
+    unit: {
+        name: dataclasses.replace(definition, unit=unit.of(definition.unit))
+        for name, definition in DEFINITIONS.items()
+    }
+    for unit in Unit
 }
 
 
 def axis_parameters(values: Mapping[str, object], axis: str = '') -> AxisParameters:
     """Build the parameters of an axis from plain values (YAML, ROS).
 
-    Raises InvalidParameters with every fault: unknown names, missing required parameters, bad
-    values and, where all values are good, failed cross-checks. ``axis`` is put before each name.
+    ``axis`` is put before each name in the messages.
+
+    Raises:
+        InvalidParameters: Every fault: unknown names, missing required parameters, bad values
+            and, where all values are good, contradictions between them.
     """
     prefix = f'{axis}.' if axis else ''
-    faults, good = [], {}
-    for name, value in values.items():
-        if name not in DEFINITIONS:
-            faults.append(f'{name}: no such parameter' + suggestion(name, DEFINITIONS))
-            continue
-        try:
-            good[name] = DEFINITIONS[name].convert(value)
-        except ValueError as error:
-            faults.append(str(error))
-    for name, definition in DEFINITIONS.items():
-        if definition.required and name not in values:
-            unit = f', {definition.unit}' if definition.unit else ''
-            faults.append(f'{name}: required, but not set ({definition.text}{unit})')
+    unit = Unit.rad if values.get('unit') == Unit.rad else Unit.m
+    good, faults = read(values, _BY_UNIT[unit])
     for tier in ('', 'near_', 'external_'):
         if good.get(f'{tier}ls_type') is LSType.SeparatePositiveLSNegativeLS:
             needed = (f'{tier}positive_ls_type', f'{tier}negative_ls_type')
@@ -452,6 +296,12 @@ def axis_parameters(values: Mapping[str, object], axis: str = '') -> AxisParamet
         if not faults:
             return parameters
     raise InvalidParameters(prefix + fault for fault in faults)
+
+
+def ramp_time(velocity: float, acceleration: float, jerk: float) -> float:
+    """Return how long the jerk-limited way from rest to a velocity takes, s."""
+    peak = min(acceleration, sqrt(velocity * jerk))
+    return velocity / peak + peak / jerk
 
 
 def switch_inputs(inputs: Iterable[Input]) -> tuple[Input, ...]:

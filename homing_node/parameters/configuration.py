@@ -6,13 +6,12 @@ the names of its topics, ``<axis>.topics.<input>``. SI units.
 """
 
 import re
-from collections.abc import Mapping
-from difflib import get_close_matches
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ..procedures.states import Input, Word
 from .axis import DEFINITIONS, AxisParameters, axis_parameters
-from .definition import REQUIRED, Definition, InvalidParameters
+from .definition import Definition, InvalidParameters, read, table, unknown
 from .qos import check_override
 
 AXIS_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
@@ -55,61 +54,49 @@ class SetpointInterface(Word):
     position = 'position'
 
 
-NODE_DEFINITIONS: Mapping[str, Definition] = {
-    definition.name: definition
-    for definition in (
-        Definition('the names of the axes', list, name='axes'),
-        Definition(
-            'rate of the control cycle',
-            float,
-            'Hz',
-            1.0,
-            2000.0,
-            name='update_rate',
-            default=250.0,
-        ),
-        Definition(
-            'a cycle that is later than this ends the run',
-            float,
-            's',
-            0.0,
-            open_minimum=True,
-            name='cycle_timeout',
-            default=0.2,
-        ),
-        Definition(
-            'how setpoints are published: ~/setpoints or ~/position_commands',
-            SetpointInterface,
-            name='setpoint_interface',
-            default=SetpointInterface.trajectory,
-        ),
-        Definition(
-            'groups of axes that home together, in order, e.g. ["z", "x, y"] '
-            '(empty: one after another)',
-            list,
-            name='home_sequence',
-            default=[],
-        ),
-    )
-}
+NODE_DEFINITIONS: Mapping[str, Definition] = table(
+    Definition('the names of the axes', list, name='axes'),
+    Definition(
+        'rate of the control cycle', float, 'Hz', 1.0, 2000.0, name='update_rate', default=250.0
+    ),
+    Definition(
+        'a cycle that is later than this ends the run',
+        float,
+        's',
+        0.001,
+        60.0,
+        name='cycle_timeout',
+        default=0.2,
+    ),
+    Definition(
+        'how setpoints are published: ~/setpoints or ~/position_commands',
+        SetpointInterface,
+        name='setpoint_interface',
+        default=SetpointInterface.trajectory,
+    ),
+    Definition(
+        'groups of axes that home together, in order, e.g. ["z", "x, y"] '
+        '(empty: one after another)',
+        list,
+        name='home_sequence',
+        default=[],
+    ),
+)
 
-#: What every ROS node has.
-COMMON_DEFINITIONS: Mapping[str, Definition] = {
-    definition.name: definition
-    for definition in (
-        Definition('follow /clock', bool, name='use_sim_time', default=False),
-        Definition(
-            'serve the descriptions of types',
-            bool,
-            name='start_type_description_service',
-            default=True,
-        ),
-    )
-}
+#: The parameters that every ROS node has.
+COMMON_DEFINITIONS: Mapping[str, Definition] = table(
+    Definition('follow /clock', bool, name='use_sim_time', default=False),
+    Definition(
+        'serve the descriptions of types',
+        bool,
+        name='start_type_description_service',
+        default=True,
+    ),
+)
 
 
 class TopicDefinition(Definition):
-    """The name of a topic; '' is the default's."""
+    """The definition of a topic's name; '' stands for the default name."""
 
     def convert(self, value: object) -> Any:
         topic = super().convert(value)
@@ -118,12 +105,14 @@ class TopicDefinition(Definition):
         return topic
 
 
-TOPIC_DEFINITIONS: Mapping[str, Definition] = {
-    f'topics.{name}': TopicDefinition(
-        f'topic of {name} (empty: ~/<axis>/{name})', str, name=f'topics.{name}', default=''
+TOPIC_DEFINITIONS: Mapping[str, Definition] = table(
+    *(
+        TopicDefinition(
+            f'topic of {name} (empty: ~/<axis>/{name})', str, name=f'topics.{name}', default=''
+        )
+        for name in Input
     )
-    for name in Input
-}
+)
 
 #: The input whose topic a parameter names.
 TOPICS: Mapping[str, Input] = {f'topics.{name}': name for name in Input}
@@ -132,7 +121,7 @@ AXIS_DEFINITIONS: Mapping[str, Definition] = {**DEFINITIONS, **TOPIC_DEFINITIONS
 
 
 class Configuration(NamedTuple):
-    """A checked configuration: the node's parameters and each axis's, in the order of `axes`."""
+    """A checked configuration: the parameters of the node and of each axis, in their order."""
 
     axes: Mapping[str, AxisParameters]
     topics: Mapping[str, Mapping[Input, str]]
@@ -148,36 +137,32 @@ class Configuration(NamedTuple):
 
 
 def configuration(values: Mapping[str, Any]) -> Configuration:
-    """Check a flat mapping of parameter names to plain values.
+    """Check a flat mapping of parameter names to plain values; None: the value is not set.
 
-    Raises InvalidParameters with every fault, a line each.
+    Raises:
+        InvalidParameters: Every fault, a line each.
     """
-    faults: list[str] = []
-    node: dict[str, Any] = {}
-    for name, definition in NODE_DEFINITIONS.items():
-        try:
-            node[name] = _node_value(definition, values.get(name))
-        except ValueError as error:
-            faults.append(str(error))
+    values = {name: value for name, value in values.items() if value is not None}
+    own = {name: values[name] for name in NODE_DEFINITIONS if name in values}
+    node, faults = read(own, NODE_DEFINITIONS)
+    faults += bad_names(node.get('axes'))
     names = list(dict.fromkeys(node.get('axes', [])))
-    faults += _bad_names(node.get('axes'))
     axes: dict[str, AxisParameters] = {}
     topics: dict[str, dict[Input, str]] = {}
     for axis in names:
-        own = {
+        below = {
             name.removeprefix(f'{axis}.'): value
             for name, value in values.items()
             if name.startswith(f'{axis}.')
         }
-        topics[axis] = {}
-        for name in (name for name in TOPICS if own.get(name) is not None):
-            try:
-                topics[axis][TOPICS[name]] = TOPIC_DEFINITIONS[name].convert(own[name])
-            except ValueError as error:
-                faults.append(f'{axis}.{error}')
-        own = {name: value for name, value in own.items() if name not in TOPIC_DEFINITIONS}
+        given = {name: value for name, value in below.items() if name in TOPICS}
+        good, found = read(given, TOPIC_DEFINITIONS)
+        faults += [f'{axis}.{fault}' for fault in found]
+        topics[axis] = {TOPICS[name]: good[name] for name in given if name in good}
         try:
-            axes[axis] = axis_parameters(own, axis)
+            axes[axis] = axis_parameters(
+                {name: value for name, value in below.items() if name not in TOPICS}, axis
+            )
         except InvalidParameters as error:
             faults += error.faults
     faults += _bad_common(values)
@@ -206,15 +191,15 @@ def home_sequence(groups: list[str], axes: list[str]) -> tuple[tuple[str, ...], 
     """
     if not groups:
         return tuple((axis,) for axis in axes)
-    read = tuple(tuple(axis.strip() for axis in group.split(',')) for group in groups)
+    sequence = tuple(tuple(axis.strip() for axis in group.split(',')) for group in groups)
     seen: set[str] = set()
-    for axis in (axis for group in read for axis in group):
+    for axis in (axis for group in sequence for axis in group):
         if axis not in axes:
             raise ValueError(f'home_sequence: {axis!r} is none of the axes {", ".join(axes)}')
         if axis in seen:
             raise ValueError(f'home_sequence: {axis!r} stands there twice')
         seen.add(axis)
-    return read
+    return sequence
 
 
 def check_axis_values(axis: str, values: Mapping[str, object]) -> tuple[str, ...]:
@@ -228,29 +213,20 @@ def check_axis_values(axis: str, values: Mapping[str, object]) -> tuple[str, ...
 
 
 def check_node_value(name: str, value: Any, axes: list[str]) -> None:
-    """Check one of the node's own parameters; raises ValueError that says what is wrong."""
-    value = _node_value(NODE_DEFINITIONS[name], value)
+    """Check one of the node's own parameters; raise ValueError with what is wrong."""
+    definition = NODE_DEFINITIONS[name]
+    if value is None:
+        if definition.required:
+            raise ValueError(definition.missing)
+        return
+    value = definition.convert(value)
     if name == 'home_sequence':
         home_sequence(value, axes)
 
 
-def _node_value(definition: Definition, value: Any) -> Any:
-    if value is None:
-        if definition.default is REQUIRED:
-            raise ValueError(f'{definition.name}: required, but not set ({definition.text})')
-        return definition.default
-    if definition.kind is list:
-        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            raise ValueError(
-                f'{definition.name}: {value!r} is not a list of strings; quote the names, '
-                "YAML reads an unquoted y as true: ['x', 'y']"
-            )
-        return value
-    return definition.convert(value)
-
-
-def _bad_names(names: list[str] | None) -> list[str]:
-    if names is None:  # a fault already
+def bad_names(names: list[str] | None) -> list[str]:
+    """Return what is wrong with the names of axes; None: that they are missing is known."""
+    if names is None:
         return []
     faults = [] if names else ["axes: no axis is named: axes: ['x', 'y']"]
     for name in names:
@@ -282,18 +258,25 @@ def _bad_common(values: Mapping[str, Any]) -> list[str]:
 
 
 def _unknown(values: Mapping[str, Any], axes: list[str]) -> list[str]:
-    """List the parameters that belong to nothing; those of an axis are judged with the axis."""
-    faults = []
+    """Return the faults of names that belong to nothing; an axis judges its own names."""
+    faults: dict[str, None] = {}
     for name in values:
         axis, dot, _ = name.partition('.')
         if name in NODE_DEFINITIONS or _common(name) or (dot and axis in axes):
             continue
-        close = get_close_matches(name, [*NODE_DEFINITIONS, *(f'{axis}.' for axis in axes)], 1)
-        hint = f'; did you mean {close[0]!r}?' if close else ''
         if dot:
-            hint = f'; {axis!r} is none of the axes {", ".join(axes)}'
-        faults.append(f'{name}: no such parameter{hint}')
-    return faults
+            faults[unknown_axis(axis, axes)] = None
+        else:
+            faults[unknown(name, [*NODE_DEFINITIONS, *(f'{axis}.' for axis in axes)])] = None
+    return list(faults)
+
+
+def unknown_axis(axis: str, axes: Iterable[str]) -> str:
+    """Return the message for a block of parameters of an axis that is not in ``axes``."""
+    return (
+        f'{axis}: {axis!r} is none of the axes {", ".join(axes)}: add it to axes, or delete its '
+        'parameters'
+    )
 
 
 def _shared_joints(axes: Mapping[str, AxisParameters]) -> list[str]:

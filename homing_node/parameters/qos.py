@@ -6,9 +6,10 @@ By parameters ``qos_overrides.<topic>.<subscription|publisher>.<policy>``, as of
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ..procedures.states import Word
-from .definition import Definition, suggestion
+from .definition import Definition, suggestion, table
 
 NAME = re.compile(r'qos_overrides\.[^.]+\.(subscription|publisher)\.(?P<policy>[^.]+)')
 
@@ -39,19 +40,16 @@ class Durability(Word):
     system_default = 'system_default'
 
 
-POLICIES: Mapping[str, Definition] = {
-    definition.name: definition
-    for definition in (
-        Definition('which messages are kept', History, name='history'),
-        Definition('how many messages are kept', int, 'messages', 1, 2**31 - 1, name='depth'),
-        Definition('whether a lost message is sent again', Reliability, name='reliability'),
-        Definition(
-            'whether a late joiner receives what was published before',
-            Durability,
-            name='durability',
-        ),
-    )
-}
+POLICIES: Mapping[str, Definition] = table(
+    Definition('which messages are kept', History, name='history'),
+    Definition('how many messages are kept', int, 'messages', 1, 2**31 - 1, name='depth'),
+    Definition('whether a lost message is sent again', Reliability, name='reliability'),
+    Definition(
+        'whether a late joiner receives what was published before',
+        Durability,
+        name='durability',
+    ),
+)
 
 
 def check_override(name: str, value: object) -> None:
@@ -64,5 +62,5 @@ def check_override(name: str, value: object) -> None:
         raise ValueError(
             f'{name}: {policy!r} is none of {", ".join(POLICIES)}' + suggestion(policy, POLICIES)
         )
-    definition = POLICIES[policy]._replace(name=name)
+    definition = replace(POLICIES[policy], name=name)
     definition.convert(value.lower() if isinstance(value, str) else value)  # as rclpy reads it

@@ -68,6 +68,7 @@ def read(path: Path | str, node: str = NODE) -> ParameterFile:
     where rcl could not read the file, or where no block fits the node.
     """
     file = ParameterFile(Path(path))
+    node = f'/{node.lstrip("/")}'
     others = []
     try:
         for document in _documents(file.path):
@@ -121,6 +122,8 @@ def _documents(path: Path) -> Iterator[yaml.Node]:
         yield from yaml.compose_all(data.decode(), _Loader)
     except OSError as error:
         raise InvalidParameters([f'{path}: {error.strerror}']) from None
+    except RecursionError:
+        raise InvalidParameters([f'{path}: nested too deeply']) from None
     except UnicodeDecodeError as error:
         raise _Fault(data.count(b'\n', 0, error.start) + 1, 'not UTF-8') from None
     except yaml.MarkedYAMLError as error:
@@ -164,12 +167,21 @@ def _flatten(file: ParameterFile, name: str, node: yaml.Node, line: int) -> None
     elif isinstance(node, yaml.ScalarNode):
         file.values[name] = _scalar(name, node)
     else:
+        if any(isinstance(item, yaml.SequenceNode) for item in node.value):
+            raise _Fault(line, f'{name}: a list holds no lists{_joined(node)}')
         items = [_scalar(name, item) for item in node.value]
         kinds = sorted({type(item).__name__ for item in items})
         if len(kinds) > 1:
             quote = '; quote the names, an unquoted y or n is a boolean' if 'str' in kinds else ''
             raise _Fault(line, f'{name}: a list of {" and ".join(kinds)}{quote}')
         file.values[name] = items
+
+
+def _joined(node: yaml.SequenceNode) -> str:
+    """Return how lists of names are written in a list, '' where they are no lists of names."""
+    groups = [item.value if isinstance(item.value, list) else [item] for item in node.value]
+    names = [[str(each.value) for each in group] for group in groups]
+    return f'; write each as one string: {[", ".join(group) for group in names]}'
 
 
 def _scalar(name: str, node: yaml.Node) -> Any:

@@ -4,18 +4,20 @@
 Positions are raw positions in m (linear axis) or rad (rotary axis), times in s.
 """
 
-import sys
-from collections.abc import Mapping, Sequence
-from math import inf, isfinite, isnan
-from typing import NamedTuple, TypeGuard
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
+from ..parameters.definition import Definition, Interval, InvalidParameters, read, table
 from ..procedures.states import LIMIT_PAIRS, LIMIT_SWITCHES, Input
 
 #: The inputs that are levels, in the order in which happenings at one position are reported.
 SWITCHES: tuple[str, ...] = tuple(i.value for i in (Input.HOME_SWITCH, *LIMIT_SWITCHES))
 
-#: How a drive stops that hears no setpoint where its layout does not say, m/s² or rad/s².
+#: Deceleration of a drive that hears no setpoint, in m/s² or rad/s², where its layout has none.
 STOP_DEC = 1.0
+
+#: Positions and distances on an axis, m or rad.
+FURTHEST = 1e6
 
 
 class SwitchLayout(NamedTuple):
@@ -71,117 +73,106 @@ def mirrored(layout: AxisLayout) -> AxisLayout:
     )
 
 
+def _length(name: str, text: str, default: Any, minimum: float = -FURTHEST) -> Definition:
+    return Definition(text, float, 'm or rad', minimum, FURTHEST, name=name, default=default)
+
+
+def _time(name: str, text: str, maximum: float) -> Definition:
+    return Definition(text, float, 's', 0.0, maximum, name=name, default=0.0)
+
+
+#: The keys of an axis in a layout.
+LAYOUT: Mapping[str, Definition] = table(
+    Definition('the lower and the upper end', Interval, 'm or rad', name='hard_stops'),
+    *(
+        Definition(f'where {name} is on', Interval, 'm or rad', name=name, default=None)
+        for name in SWITCHES
+    ),
+    *(
+        _length(f'{name}_hysteresis', f'how far behind its edge {name} turns off', 0.0, 0.0)
+        for name in SWITCHES
+    ),
+    Definition(
+        'the switches that are normally closed',
+        tuple,
+        name='inverted',
+        default=(),
+        names=SWITCHES,
+    ),
+    _length('index_pitch', 'distance between index pulses (0: no index)', 0.0, 0.0),
+    _length('index_offset', 'position of one index pulse', 0.0),
+    _length('touch_probe', 'position of the touch plate', None),
+    _length('start', 'the first position', 0.0),
+    _time('lag', 'time constant between command and feedback', 60.0),
+    _time('command_timeout', 'a drive without setpoints stops after this (0: never)', 3600.0),
+    Definition(
+        'deceleration of a drive without setpoints',
+        float,
+        'm/s² or rad/s²',
+        1e-4,
+        1e6,
+        name='stop_dec',
+        default=STOP_DEC,
+    ),
+)
+
+#: How often a simulated machine reports its positions, and how late a setpoint takes effect.
+FEEDBACK_RATE = Definition(
+    'rate of joint_states', float, 'Hz', 1.0, 5000.0, name='feedback_rate', default=500.0
+)
+DEAD_TIME = Definition(
+    "time from a setpoint's arrival to its first effect",
+    float,
+    's',
+    0.0,
+    1.0,
+    name='dead_time',
+    default=0.004,
+)
+
+
 def layouts_from(mapping: Mapping[str, object]) -> dict[str, AxisLayout]:
-    """Read layouts, as parsed from YAML: axis name → the keys below → value.
+    """Read layouts, as parsed from YAML: axis name → key of `LAYOUT` → value.
 
-    `hard_stops` ([lower, upper]) is required. `<switch>` ([from, to]) and `<switch>_hysteresis`
-    for every name in `SWITCHES`; `inverted`, a list of such names; `index_pitch`, `index_offset`,
-    `touch_probe`, `lag`, `start`, `command_timeout`, `stop_dec` as in `AxisLayout`. Whole numbers
-    are accepted for all reals.
-
-    Raise one ValueError that lists every fault, one a line.
+    Raises:
+        InvalidParameters: Every fault, each begins with the axis and the key: ``x.lag: …``.
     """
     faults: list[str] = []
     layouts = {}
     for axis, entries in mapping.items():
         if isinstance(entries, Mapping):
-            layouts[axis] = _Reader(axis, entries, faults).layout()
+            layout, found = _layout(entries)
+            layouts[axis] = layout
+            faults += [f'{axis}.{fault}' for fault in found]
         else:
-            faults.append(f'axis {axis}: a mapping is expected, not {entries!r}')
+            faults.append(f'{axis}: {entries!r} is not a mapping of keys to values')
     if faults:
-        raise ValueError('\n'.join(faults))
+        raise InvalidParameters(faults)
     return layouts
 
 
-class _Reader:
-    """Reads the entries of one axis and collects their faults."""
-
-    def __init__(self, axis: str, entries: Mapping[str, object], faults: list[str]) -> None:
-        self.axis = axis
-        self.left = dict(entries)
-        self.faults = faults
-
-    def fault(self, text: str) -> None:
-        self.faults.append(f'axis {self.axis}: {text}')
-
-    def layout(self) -> AxisLayout:
-        if 'hard_stops' not in self.left:
-            self.fault('hard_stops is missing: [lower, upper] in m or rad')
-        stops = self.pair('hard_stops') or (-inf, inf)
-        if stops[0] == stops[1]:
-            self.fault(f'hard_stops leave no travel: both are {stops[0]} m or rad')
-        inverted = self.names('inverted')
-        switches = {}
-        for name in SWITCHES:
-            fitted = name in self.left
-            flag = self.pair(name)
-            if not fitted and f'{name}_hysteresis' in self.left:
-                self.fault(f'{name}_hysteresis is given, but {name} is not')
-            if not fitted and name in inverted:
-                self.fault(f'inverted names {name}, which is not given')
-            hysteresis = self.real(f'{name}_hysteresis', 0.0, 'm or rad', least=0.0)
-            if flag is not None:
-                switches[name] = SwitchLayout(*flag, hysteresis, name in inverted)
-        probe = self.real('touch_probe', 0.0, 'm or rad') if 'touch_probe' in self.left else None
-        layout = AxisLayout(
-            hard_stops=stops,
-            switches=switches,
-            index_pitch=self.real('index_pitch', 0.0, 'm or rad', least=0.0),
-            index_offset=self.real('index_offset', 0.0, 'm or rad'),
-            touch_probe=probe,
-            lag=self.real('lag', 0.0, 's', least=0.0),
-            start=self.real('start', 0.0, 'm or rad'),
-            command_timeout=self.real('command_timeout', 0.0, 's', least=0.0),
-            stop_dec=self.real('stop_dec', STOP_DEC, 'm/s² or rad/s²', least=1e-9),
+def _layout(entries: Mapping[str, object]) -> tuple[AxisLayout, list[str]]:
+    """Return the layout of one axis, and its faults."""
+    good, faults = read(entries, LAYOUT)
+    stops = good.get('hard_stops', Interval(-FURTHEST, FURTHEST))
+    inverted = good.get('inverted', ())
+    if stops.low == stops.high:
+        faults.append(f'hard_stops: both are {stops.low} m or rad, which leaves no travel')
+    switches = {}
+    for name in SWITCHES:
+        if name not in entries:
+            if f'{name}_hysteresis' in entries:
+                faults.append(f'{name}_hysteresis: {name} is not given')
+            if name in inverted:
+                faults.append(f'inverted: {name} is not given')
+        elif good.get(name) is not None:
+            low, high = good[name]
+            hysteresis = good.get(f'{name}_hysteresis', 0.0)
+            switches[name] = SwitchLayout(low, high, hysteresis, name in inverted)
+    start = good.get('start', stops.low)
+    if not stops.low <= start <= stops.high:
+        faults.append(
+            f'start: {start} m or rad must be within hard_stops, [{stops.low}, {stops.high}]'
         )
-        if not stops[0] <= layout.start <= stops[1]:
-            self.fault(
-                f'start {layout.start} m or rad is beyond hard_stops [{stops[0]}, {stops[1]}]'
-            )
-        for key in self.left:
-            self.fault(f'{key} is unknown')
-        return layout
-
-    def real(self, key: str, default: float, unit: str, least: float = -inf) -> float:
-        value = self.left.pop(key, default)
-        if not _is_real(value) or not isfinite(value):
-            self.fault(f'{key} {value!r} is not a number (unit: {unit})')
-        elif value < least:
-            self.fault(f'{key} {value} {unit} is less than {least} {unit}')
-        else:
-            return float(value)
-        return default
-
-    def pair(self, key: str) -> tuple[float, float] | None:
-        value = self.left.pop(key, None)
-        if value is None:
-            return None
-        if (
-            not isinstance(value, Sequence)
-            or isinstance(value, str)
-            or len(value) != 2
-            or not all(_is_real(end) and not isnan(end) for end in value)
-        ):
-            self.fault(f'{key} {value!r} is not a pair [from, to] of numbers, m or rad')
-            return None
-        low, high = value
-        if low > high:
-            self.fault(f'{key} begins at {low} and ends below that, at {high} m or rad')
-            return None
-        return float(low), float(high)
-
-    def names(self, key: str) -> Sequence[str]:
-        value = self.left.pop(key, ())
-        if not isinstance(value, Sequence) or isinstance(value, str):
-            self.fault(f'{key} {value!r} is not a list of switch names')
-            return ()
-        for name in value:
-            if name not in SWITCHES:
-                self.fault(f'{key} names {name!r}, which is none of {", ".join(SWITCHES)}')
-        return value
-
-
-def _is_real(value: object) -> TypeGuard[float]:
-    if isinstance(value, int):
-        return not isinstance(value, bool) and abs(value) <= sys.float_info.max
-    return isinstance(value, float)
+    plain = {key: good[key] for key in AxisLayout._fields if key in good}
+    return AxisLayout(**plain | {'hard_stops': tuple(stops), 'switches': switches}), faults

@@ -15,18 +15,18 @@ from typing import Any
 
 import yaml
 
+from ..parameters.definition import InvalidParameters, read, table
 from ..parameters.yaml_file import OnceLoader
-from .layout import SWITCHES, AxisLayout, layouts_from
+from .layout import DEAD_TIME, FEEDBACK_RATE, LAYOUT, SWITCHES, AxisLayout, layouts_from
 
 PARAMETERS = 'ros__parameters'
 
+#: What a layout file says about all axes, in the parameters of `simulated_axes`.
+OF_ALL_AXES = table(FEEDBACK_RATE, DEAD_TIME)
 
-class InvalidLayout(ValueError):
+
+class InvalidLayout(InvalidParameters):
     """A layout file that cannot be used; ``faults`` lists why, a line each."""
-
-    def __init__(self, faults: list[str]) -> None:
-        self.faults = tuple(faults)
-        super().__init__('\n'.join(faults))
 
 
 @dataclass(frozen=True)
@@ -104,9 +104,8 @@ class _Reader:
         return own
 
     def located(self, path: Path, fault: str) -> str:
-        """Put the file and the line before a fault of layouts_from."""
-        found = re.match(r'axis (.*?): (\w+)?', fault)
-        axis, key = (found[1], found[2] or '') if found else ('', '')
+        """Put the file and the line before a fault, which begins with the axis and the key."""
+        axis, _, key = fault.partition(': ')[0].partition('.')
         line = self.lines.get((axis, key), self.lines.get((axis, '')))
         return f'{path}:{line}: {fault}' if line else f'{path}: {fault}'
 
@@ -114,9 +113,44 @@ class _Reader:
 def load(path: str | PathLike[str]) -> LayoutFile:
     """Read a layout file.
 
-    Raises InvalidLayout with every fault, each with the file's name and, where it is known, line.
+    Raises:
+        InvalidLayout: Every fault, each with the file's name and, where it is known, the line.
     """
-    path, reader = Path(path), _Reader()
+    path = Path(path)
+    reader, general = _contents(path)
+    if not reader.entries:
+        raise InvalidLayout([f'{path}: no axis in it'])
+    known = {axis: _filled(entries) for axis, entries in reader.entries.items()}
+    faults: list[str] = []
+    layouts: dict[str, AxisLayout] = {}
+    try:
+        layouts = layouts_from(known)
+    except InvalidParameters as error:
+        faults += [reader.located(path, fault) for fault in error.faults]
+    about_all, found = read(general, OF_ALL_AXES)
+    faults += [f'{path}: {fault}' for fault in found]
+    if faults:
+        raise InvalidLayout(faults)
+    for axis, entries in reader.entries.items():
+        if entries.get('index_offset', 0.0) is None:
+            layouts[axis] = layouts[axis]._replace(index_offset=nan)
+    return LayoutFile(layouts, **{name: about_all[name] for name in general})
+
+
+def is_layout(path: str | PathLike[str]) -> bool:
+    """Return whether a file holds keys of a layout, be they right or wrong."""
+    try:
+        reader, _ = _contents(Path(path))
+    except InvalidLayout:
+        return False
+    return any(
+        key in LAYOUT for own in reader.entries.values() if isinstance(own, dict) for key in own
+    )
+
+
+def _contents(path: Path) -> tuple[_Reader, dict[str, Any]]:
+    """Return the entries of the axes as they stand in a file, and what is said about all axes."""
+    reader = _Reader()
     general: dict[str, Any] = {}
     try:
         loader = _Loader(path.read_text(encoding='utf-8'))
@@ -130,38 +164,21 @@ def load(path: str | PathLike[str]) -> LayoutFile:
             general |= {
                 key.value: loader.construct_object(value, deep=True)
                 for key, value in block.value
-                if key.value in ('feedback_rate', 'dead_time')
+                if key.value in OF_ALL_AXES
             }
     except OSError as error:
         raise InvalidLayout([f'{path}: {error.strerror}']) from None
     except UnicodeDecodeError:
         raise InvalidLayout([f'{path}: not UTF-8']) from None
+    except RecursionError:
+        raise InvalidLayout([f'{path}: nested too deeply']) from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         text = ', '.join(filter(None, (error.context, error.problem)))
         raise InvalidLayout([f'{path}:{mark.line + 1 if mark else 1}: {text}']) from None
     except yaml.YAMLError as error:
         raise InvalidLayout([f'{path}: {error}']) from None
-    if not reader.entries:
-        raise InvalidLayout([f'{path}: no axis in it'])
-    known = {axis: _filled(entries) for axis, entries in reader.entries.items()}
-    try:
-        layouts = layouts_from(known)
-    except ValueError as error:
-        raise InvalidLayout(
-            [reader.located(path, fault) for fault in str(error).splitlines()]
-        ) from None
-    for axis, entries in reader.entries.items():
-        if entries.get('index_offset', 0.0) is None:
-            layouts[axis] = layouts[axis]._replace(index_offset=nan)
-    faults = [
-        f'{path}: {name} {value!r} is not a number'
-        for name, value in general.items()
-        if isinstance(value, bool) or not isinstance(value, int | float) or value <= 0
-    ]
-    if faults:
-        raise InvalidLayout(faults)
-    return LayoutFile(layouts, **general)
+    return reader, general
 
 
 def _blocks(node: yaml.Node) -> Iterator[yaml.MappingNode]:

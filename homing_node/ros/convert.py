@@ -19,7 +19,7 @@ from std_msgs.msg import Float64MultiArray
 
 from ..core.axis import Axis
 from ..core.outcome import Outcome
-from ..parameters.definition import LARGEST, Definition
+from ..parameters.definition import Definition
 from ..procedures.states import Error
 from .serialized import NS
 
@@ -43,15 +43,12 @@ def descriptor(definition: Definition, read_only: bool = False) -> ParameterDesc
     bounded = math.isfinite(definition.minimum) or math.isfinite(definition.maximum)
     if definition.kind is float and bounded:
         described.floating_point_range = [
-            FloatingPointRange(
-                from_value=max(definition.minimum, -LARGEST),
-                to_value=min(definition.maximum, LARGEST),
-            )
+            FloatingPointRange(from_value=definition.least, to_value=definition.maximum)
         ]
     elif definition.kind is int and bounded:
         described.integer_range = [
             IntegerRange(
-                from_value=int(max(definition.minimum, -(2**31))),
+                from_value=int(max(definition.least, -(2**31))),
                 to_value=int(min(definition.maximum, 2**31)),
             )
         ]

@@ -20,7 +20,7 @@ from array import array
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import inf, isfinite
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -36,7 +36,15 @@ from std_msgs.msg import Bool, Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from ..course import Happening
-from ..plant.layout import AxisLayout, layouts_from
+from ..parameters.configuration import (
+    COMMON_DEFINITIONS,
+    NODE_DEFINITIONS,
+    SetpointInterface,
+    bad_names,
+    unknown_axis,
+)
+from ..parameters.definition import Definition, InvalidParameters, read, table
+from ..plant.layout import DEAD_TIME, FEEDBACK_RATE, AxisLayout, layouts_from
 from ..plant.simulated_axis import SimulatedAxis
 from ..procedures.states import Input
 from .transport import choose_udp
@@ -59,84 +67,101 @@ LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 @dataclass(frozen=True)
 class Settings:
-    """The parameters of the node."""
+    """The parameters of the node; rates in Hz, times in s.
+
+    Position commands do not say how long they take: ``setpoint_period``.
+    """
 
     layouts: Mapping[str, AxisLayout]
     joints: Sequence[str]
-    feedback_rate: float = 500.0  # Hz
-    step_rate: float = 1000.0  # Hz
-    dead_time: float = 0.004  # s
-    target_node: str = 'homing_node'
-    setpoint_interface: str = 'trajectory'
-    setpoint_period: float = 0.004  # s, of position commands: they do not say how long they take
+    feedback_rate: float
+    step_rate: float
+    dead_time: float
+    target_node: str
+    setpoint_interface: SetpointInterface
+    setpoint_period: float
+
+
+#: The node's own parameters; those of an axis are the keys of its layout, and ``joint``.
+DEFINITIONS = table(
+    NODE_DEFINITIONS['axes'],
+    FEEDBACK_RATE,
+    Definition(
+        'rate of the steps of the simulation',
+        float,
+        'Hz',
+        100.0,
+        10000.0,
+        name='step_rate',
+        default=1000.0,
+    ),
+    DEAD_TIME,
+    Definition(
+        'how long a position command takes',
+        float,
+        's',
+        0.0,
+        1.0,
+        name='setpoint_period',
+        default=0.004,
+    ),
+    Definition(
+        'the node whose topics the axes are wired to',
+        str,
+        name='target_node',
+        default='homing_node',
+    ),
+    NODE_DEFINITIONS['setpoint_interface'],
+    *COMMON_DEFINITIONS.values(),
+)
 
 
 def settings_from(parameters: Mapping[str, Any]) -> Settings:
-    """Read the node's parameters; raise one ValueError that lists every fault, one a line."""
-    left = {
+    """Read the node's parameters.
+
+    Raises:
+        InvalidParameters: Every fault, a line each.
+    """
+    values = {
         name: list(value) if isinstance(value, array) else value
         for name, value in parameters.items()
         if value is not None
     }
-    faults = []
-
-    def real(name: str, unit: str, least: float, most: float) -> float:
-        default = float(getattr(Settings, name))
-        value = left.pop(name, default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-            faults.append(f'{name} {value!r} is not a number (unit: {unit})')
-        elif not least <= value <= most:
-            faults.append(f'{name} {value} {unit} is not within {least} to {most} {unit}')
-        else:
-            return float(value)
-        return default
-
-    if left.pop('use_sim_time', False):
-        faults.append('use_sim_time is true, but the simulated axes run in real time')
-    left.pop('start_type_description_service', None)
-    axes = left.pop('axes', [])
-    if not isinstance(axes, list) or not axes or not all(isinstance(a, str) for a in axes):
-        faults.append(f'axes {axes!r} is not a list of names: axes: ["x", "y"]')
-        axes = []
-    elif len(set(axes)) < len(axes):
-        faults.append(f'axes {axes!r} has a name twice')
-    step_rate = real('step_rate', 'Hz', 100.0, 10000.0)
-    feedback_rate = real('feedback_rate', 'Hz', 1.0, 5000.0)
-    dead_time = real('dead_time', 's', 2.0 / step_rate, 1.0)
-    setpoint_period = real('setpoint_period', 's', 0.0, 1.0)
-    target = left.pop('target_node', Settings.target_node)
-    interface = left.pop('setpoint_interface', Settings.setpoint_interface)
-    if interface not in ('trajectory', 'position'):
-        faults.append(f'setpoint_interface {interface!r} is neither trajectory nor position')
-    joints = [str(left.pop(f'{axis}.joint', axis)) for axis in axes]
-    if len(set(joints)) < len(joints):
-        faults.append(f'joints {joints!r}: two axes have the same joint')
+    axes = values.get('axes')
+    axes = axes if isinstance(axes, list) else []
     entries: dict[str, dict[str, Any]] = {axis: {} for axis in axes}
-    for name, value in left.items():
-        axis, _, key = name.partition('.')
-        if not key:
-            faults.append(f'{name} is unknown')
-        elif axis in entries:
+    own: dict[str, Any] = {}
+    strays: dict[str, None] = {}
+    for name, value in values.items():
+        axis, dot, key = name.partition('.')
+        if axis in entries and dot:
             entries[axis][key] = value
-        elif (fault := f'{axis}.…: {axis} is none of axes {axes!r}') not in faults:
-            faults.append(fault)
+        elif dot:
+            strays[unknown_axis(axis, map(str, axes))] = None
+        else:
+            own[name] = value
+    good, found = read(own, DEFINITIONS)
+    faults = [*found, *strays, *bad_names(good.get('axes'))]
+    if good.get('use_sim_time'):
+        faults.append('use_sim_time: must be false, the simulated axes run in real time')
+    dead_time, step_rate = good.get('dead_time'), good.get('step_rate')
+    if dead_time is not None and step_rate is not None and dead_time < 2.0 / step_rate:
+        faults.append(
+            f'dead_time: {dead_time:g} s must be >= 2 steps, {2.0 / step_rate:g} s (step_rate)'
+        )
+    joints = [str(entries[axis].pop('joint', axis)) for axis in dict.fromkeys(axes)]
+    if len(set(joints)) < len(joints):
+        faults.append(f'joint: two axes have the same joint: {", ".join(joints)}')
     layouts: Mapping[str, AxisLayout] = {}
     try:
         layouts = layouts_from(entries)
-    except ValueError as error:
-        faults.append(str(error))
+    except InvalidParameters as error:
+        faults += error.faults
     if faults:
-        raise ValueError('\n'.join(faults))
-    return Settings(
-        layouts,
-        joints,
-        feedback_rate,
-        step_rate,
-        dead_time,
-        str(target).rstrip('/'),
-        interface,
-        setpoint_period,
-    )
+        raise InvalidParameters(faults)
+    good['target_node'] = good['target_node'].rstrip('/')
+    names = [one.name for one in fields(Settings) if one.name in good]
+    return Settings(layouts, joints, **{name: good[name] for name in names})
 
 
 class Sample(NamedTuple):

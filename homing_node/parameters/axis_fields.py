@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters of an axis: a new parameter is one new field here.
+
+ROS descriptors, the YAML loader, the checks and the reference page all derive from these fields.
+The names are the names of the WMX3 manual in snake_case. Units: m or rad, s.
+"""
+
+from dataclasses import dataclass
+
+from ..procedures.states import Direction, HomeType, IndexMarginAction, Input, LSDirection, LSType
+from . import fields
+from .definition import REQUIRED
+from .units import Unit
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AxisFields:
+    """The values of all parameters of one axis, in SI units (m or rad, s)."""
+
+    home_type: HomeType = fields.parameter(HomeType, REQUIRED, 'how the axis homes')
+    home_direction: Direction = fields.parameter(
+        Direction, Direction.Positive, 'homing direction in raw coordinates'
+    )
+    joint: str = fields.parameter(
+        str, '', "joint in joint_states and in the setpoints ('': the axis's name)"
+    )
+    unit: Unit = fields.parameter(
+        Unit, Unit.m, 'unit of positions: m for a linear axis, rad for a rotary one'
+    )
+    travel: float = fields.travel('mechanical travel of the axis')
+
+    homing_velocity_fast: float = fields.velocity(
+        0.05, 'velocity of switch searches and reversals'
+    )
+    homing_velocity_fast_acc: float = fields.acceleration(0.5, 'acceleration of the fast profile')
+    homing_velocity_fast_dec: float = fields.acceleration(0.5, 'deceleration of the fast profile')
+    homing_velocity_slow: float = fields.velocity(
+        0.005, 'velocity at which a reference is taken after a coarse pass or on a latch'
+    )
+    homing_velocity_slow_acc: float = fields.acceleration(0.5, 'acceleration of the slow profile')
+    homing_velocity_slow_dec: float = fields.acceleration(0.5, 'deceleration of the slow profile')
+    homing_reverse_distance: float = fields.distance(
+        0.0, 'further away after a switch was cleared'
+    )
+    home_shift_velocity: float = fields.velocity(
+        0.0, 'velocity of the final move (0: homing_velocity_fast)', or_zero=True
+    )
+    home_shift_acc: float = fields.acceleration(0.5, 'acceleration of the final move')
+    home_shift_dec: float = fields.acceleration(0.5, 'deceleration of the final move')
+    home_shift_distance: float = fields.position(
+        0.0, 'final move past the home position, along the homing direction'
+    )
+    home_position: float = fields.position(0.0, 'what the axis reads at the end of the final move')
+    max_jerk: float = fields.jerk(10.0, 'jerk of every profile')
+
+    invert_hs_polarity: bool = fields.inversion('home switch')
+    invert_positive_ls_polarity: bool = fields.inversion('positive limit switch')
+    invert_negative_ls_polarity: bool = fields.inversion('negative limit switch')
+    invert_near_positive_ls_polarity: bool = fields.inversion('near positive limit switch')
+    invert_near_negative_ls_polarity: bool = fields.inversion('near negative limit switch')
+    invert_external_positive_ls_polarity: bool = fields.inversion('external positive limit switch')
+    invert_external_negative_ls_polarity: bool = fields.inversion('external negative limit switch')
+
+    multiple_z_pulse: int = fields.count(
+        0, 'take the n-th Z-pulse (0 and 1: the first)', 0, 1_000_000
+    )
+    z_pulse_distance_check: float = fields.distance(
+        0.0, 'expected distance between Z-pulses (0: not checked)'
+    )
+    z_pulse_distance_tolerance: float = fields.fraction(
+        0.05, 'relative tolerance of z_pulse_distance_check', 1.0
+    )
+    max_z_pulse_distance: float = fields.distance(
+        0.0, 'bound from the arming edge to the Z-pulse (0: only the search bound)'
+    )
+
+    z_pulse_arm_delay: float = fields.distance(
+        0.0, 'how far beyond the arming edge a Z-pulse must lie to count'
+    )
+    index_margin: float = fields.fraction(
+        0.1, 'least distance of the arming edge from a Z-pulse, as a fraction of the pitch', 0.5
+    )
+    index_margin_action: IndexMarginAction = fields.parameter(
+        IndexMarginAction, IndexMarginAction.Warn, 'what to do below index_margin'
+    )
+
+    max_hs_on_at_start_reverse_distance: float = fields.distance(
+        0.0, 'bound for clearing a home switch that is on at start (0: only the search bound)'
+    )
+    max_ls_reverse_distance: float = fields.distance(
+        0.0, 'bound for the reversal from a limit switch (0: only the search bound)'
+    )
+    max_search_distance: float = fields.distance(0.0, 'bound of any one search (0: 1.1 x travel)')
+    timeout: float = fields.duration(
+        0.0, 'bound of a whole run (0: computed from the bounds and speeds, + 50 %)', 0.1
+    )
+
+    immediate_stop_at_ls: bool = fields.flag(
+        False, 'where a limit is the reversal or the reference, the command freezes at its edge'
+    )
+    open_loop_homing: bool = fields.flag(
+        False, 'take the commanded instead of the feedback position at switch edges'
+    )
+    pause_mode: bool = fields.flag(False, 'pause before each reversal until `continue`')
+
+    ls_type: LSType = fields.ls_type(LSType.Dec, 'action of the hardware limit switches')
+    positive_ls_type: LSType = fields.separate_ls_type('positive')
+    negative_ls_type: LSType = fields.separate_ls_type('negative')
+    ls_dec: float = fields.acceleration(1.0, 'deceleration at limits, faults and emergency stop')
+    ls_slow_dec: float = fields.acceleration(0.5, 'deceleration of the SlowDec actions')
+    all_ls_during_homing: bool = fields.flag(
+        False, 'limit switches act whatever the direction of motion'
+    )
+    ls_direction: LSDirection = fields.parameter(
+        LSDirection, LSDirection.Normal, 'Reverse swaps the positive and negative limit inputs'
+    )
+    near_ls_type: LSType = fields.ls_type(LSType.none, 'action of the near limit switches')
+    near_positive_ls_type: LSType = fields.separate_ls_type('near positive')
+    near_negative_ls_type: LSType = fields.separate_ls_type('near negative')
+    external_ls_type: LSType = fields.ls_type(LSType.none, 'action of the external limit switches')
+    external_positive_ls_type: LSType = fields.separate_ls_type('external positive')
+    external_negative_ls_type: LSType = fields.separate_ls_type('external negative')
+
+    mechanical_end_detection_pos_diff: float = fields.distance(
+        0.0, 'command minus feedback that means the mechanical end'
+    )
+    mechanical_end_detection_time: float = fields.duration(0.0, 'how long it must be exceeded')
+    mechanical_end_detection_ignore_ls: bool = fields.flag(
+        False, 'limit switches ahead are ignored while searching the mechanical end'
+    )
+    mechanical_end_detection_first_torque_limit: float = fields.torque(
+        'torque limit while searching the end (0: none)'
+    )
+    mechanical_end_detection_second_torque_limit: float = fields.torque(
+        'torque limit once the end was touched (0: the first)'
+    )
+
+    switches: tuple[Input, ...] = fields.parameter(
+        tuple,
+        (Input.HOME_SWITCH, Input.POSITIVE_LIMIT_SWITCH, Input.NEGATIVE_LIMIT_SWITCH),
+        'the inputs that are wired',
+    )
+    switch_debounce: float = fields.duration(0.0, 'how long a level must last to be believed')
+    switch_timeout: float = fields.duration(
+        0.0, 'largest age of a periodically published switch (0: published on change only)', 0.001
+    )
+    switch_latency: float = fields.duration(
+        0.0, "the switch driver's own delay before publishing, taken off the edge's time"
+    )
+    switch_stamp_error: float = fields.duration(
+        0.002, "how far a switch's stamp may be from its edge; for `uncertainty`"
+    )
+    feedback_timeout: float = fields.duration(
+        0.2, 'largest age of the feedback', 0.001, or_zero=False
+    )
+
+    following_error: float = fields.distance(
+        0.0, 'largest |command - feedback| (0: homing_velocity_fast x 0.5 s)'
+    )
+    wrong_direction_distance: float = fields.distance(
+        0.0,
+        'commanded distance after which the feedback must not go the other way (0: 1 % of travel)',
+    )
+    edge_tolerance: float = fields.distance(
+        0.0, 'how far the second pass may be from the first (0: homing_velocity_fast x 0.005 s)'
+    )
+
+    repeat: int = fields.count(
+        1, 'number of slow passes over the reference; home is their mean', 1, 100
+    )
+    repeat_tolerance: float = fields.distance(
+        0.0, 'largest spread of the passes (0: edge_tolerance)'
+    )
+
+    clear_home_done_on_servo_off: bool = fields.flag(
+        True, 'servo off: the axis is no longer homed'
+    )
+    clear_home_done_on_comm_stop: bool = fields.flag(
+        True, 'feedback lost: the axis is no longer homed'
+    )
