@@ -10,7 +10,6 @@ from ..parameters.definition import InvalidParameters
 from .common import (
     FAILED,
     OK,
-    Failure,
     add_configuration,
     add_timing,
     configuration_of,
@@ -81,8 +80,6 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         configuration = configuration_of(arguments)
     except InvalidParameters as error:
-        if not arguments.config.is_file():
-            raise Failure(*error.faults) from None
         found = [_fault(fault) for fault in error.faults]
     else:
         axes = only(arguments.axis, configuration.axes)

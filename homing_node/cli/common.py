@@ -13,6 +13,7 @@ from ..check import Finding, Severity
 from ..parameters import yaml_file
 from ..parameters.axis import AxisParameters
 from ..parameters.configuration import Configuration
+from ..parameters.definition import InvalidParameters
 from ..plant import layout_file
 from ..plant.layout_file import InvalidLayout, LayoutFile
 from ..plant.timing import Timing
@@ -94,13 +95,35 @@ def count(text: str) -> int:
 
 
 def configuration_of(arguments: argparse.Namespace) -> Configuration:
-    return yaml_file.load(arguments.config, arguments.node)
+    """Read and check CONFIG.
+
+    Raises:
+        Failure: The file is a layout, or cannot be read.
+        InvalidParameters: The node could not use it.
+    """
+    path: Path = arguments.config
+    try:
+        return yaml_file.load(path, arguments.node)
+    except InvalidParameters as error:
+        if layout_file.is_layout(path):
+            raise Failure(f'{path}: this looks like a layout: use --layout {path}') from None
+        if not path.is_file():
+            raise Failure(*error.faults) from None
+        raise
 
 
 def layout_from(path: Path | None) -> LayoutFile | None:
+    """Read a layout; None: none is given."""
+    if path is None:
+        return None
     try:
-        return layout_file.load(path) if path else None
+        return layout_file.load(path)
     except InvalidLayout as error:
+        if yaml_file.is_configuration(path):
+            raise Failure(
+                f'{path}: this looks like the parameters of homing_node, not like a layout: '
+                'give it as CONFIG, without --layout'
+            ) from None
         raise Failure(*error.faults) from None
 
 

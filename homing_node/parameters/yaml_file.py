@@ -15,6 +15,7 @@ from typing import Any
 
 import yaml
 
+from .axis import DEFINITIONS
 from .configuration import Configuration, configuration
 from .definition import InvalidParameters
 
@@ -59,6 +60,19 @@ def load(path: Path | str, node: str = NODE) -> Configuration:
         return configuration(file.values)
     except InvalidParameters as error:
         raise InvalidParameters(map(file.located, error.faults)) from None
+
+
+def is_configuration(path: Path | str) -> bool:
+    """Return whether a file holds parameters of an axis for some node, right or wrong."""
+    file = ParameterFile(Path(path))
+    try:
+        for document in _documents(file.path):
+            for _, parameters in _blocks(document):
+                for key, value in parameters.value:
+                    _flatten(file, _text(key), value, 0)
+    except (_Fault, InvalidParameters):
+        return False
+    return any(name.partition('.')[2] in DEFINITIONS for name in file.values)
 
 
 def read(path: Path | str, node: str = NODE) -> ParameterFile:
