@@ -182,7 +182,7 @@ def _flatten(file: ParameterFile, name: str, node: yaml.Node, line: int) -> None
         file.values[name] = _scalar(name, node)
     else:
         if any(isinstance(item, yaml.SequenceNode) for item in node.value):
-            raise _Fault(line, f'{name}: a list holds no lists{_joined(node)}')
+            raise _Fault(line, f'{name}: a list holds no lists; {_joined(node.value)}')
         items = [_scalar(name, item) for item in node.value]
         kinds = sorted({type(item).__name__ for item in items})
         if len(kinds) > 1:
@@ -191,11 +191,11 @@ def _flatten(file: ParameterFile, name: str, node: yaml.Node, line: int) -> None
         file.values[name] = items
 
 
-def _joined(node: yaml.SequenceNode) -> str:
-    """Return how lists of names are written in a list, '' where they are no lists of names."""
-    groups = [item.value if isinstance(item.value, list) else [item] for item in node.value]
-    names = [[str(each.value) for each in group] for group in groups]
-    return f'; write each as one string: {[", ".join(group) for group in names]}'
+def _joined(items: list[yaml.Node]) -> str:
+    """Return how groups of names are written in a list."""
+    groups = [item.value if isinstance(item, yaml.SequenceNode) else [item] for item in items]
+    names = [', '.join(str(each.value) for each in group) for group in groups]
+    return f'write each as one string: {names}'
 
 
 def _scalar(name: str, node: yaml.Node) -> Any:
