@@ -1,45 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
 """Makes doc/types: a page for every home type, from the tables and from rehearsed runs."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from io import BytesIO
 from itertools import groupby
 from pathlib import Path
-from textwrap import fill
 
-import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
 from homing_node.figures.diagram import mermaid
 from homing_node.figures.diagram_svg import svg
 from homing_node.figures.plot import POSITION_DIAGRAM, PROFILE, figure
+from homing_node.procedures.procedure import Procedure
 from homing_node.procedures.states import HomeType, State, Tier
-from homing_node.procedures.tables import PROCEDURES, Procedure
+from homing_node.procedures.tables import PROCEDURES
 from homing_node.rehearsal.examples import BEYOND, EXAMPLES
 from homing_node.rehearsal.run import rehearse
 
 ROOT = Path(__file__).resolve().parent.parent
 TYPES = ROOT / 'doc' / 'types'
 FIGURES = TYPES / 'figures'
-TEXTS: Mapping[str, Mapping[str, str]] = yaml.safe_load(
-    (ROOT / 'scripts' / 'home_types.yaml').read_text()
-)
 
 LIMITS_PAGE = 'limit_switches_during_homing'
 
 #: Of a figure: enough for smooth text on its tints.
 COLOURS = 160
 
-NOTICE = '<!-- Made by `make docs` from scripts/docs.py and scripts/home_types.yaml. -->'
+NOTICE = '<!-- Made by `make docs` from scripts/docs.py and homing_node/procedures. -->'
 
 PAGE = """\
 {notice}
 
 # {home_type}
 
-{text}
+*Toward* is along the homing direction, *away* against it.
+
+{words}
 
 | | |
 |---|---|
@@ -52,8 +49,8 @@ PAGE = """\
 
 ## State diagram
 
-*Toward* is along the homing direction, *away* against it. Whatever holds in every state (a normal
-limit switch, cancel, the timeout, lost feedback …) is not drawn.
+What holds in every state (a normal limit switch, cancel, the timeout, lost feedback …) is not
+drawn.
 
 ![State diagram of {home_type}](figures/{home_type}.svg)
 
@@ -153,7 +150,7 @@ def main() -> None:
 def page(procedure: Procedure) -> str:
     """Return the page of a home type; make its figures."""
     home_type = procedure.home_type
-    example, text = EXAMPLES[home_type], TEXTS[home_type]
+    example = EXAMPLES[home_type]
     (FIGURES / f'{home_type}.svg').write_text(svg(procedure))
     runs = []
     for run in example.runs:
@@ -163,8 +160,8 @@ def page(procedure: Procedure) -> str:
     return PAGE.format(
         notice=NOTICE,
         home_type=home_type,
-        text=fill(text['text'], 99),
-        home=text['home'],
+        words=procedure.words,
+        home=procedure.home,
         needs=needs(procedure),
         ahead=ahead(procedure),
         limits_page=LIMITS_PAGE,
@@ -175,7 +172,7 @@ def page(procedure: Procedure) -> str:
 
 def index() -> str:
     """Return the page that lists all home types."""
-    rows = (f'| [{t}]({t}.md) | {TEXTS[t]["home"]} | {needs(p)} |' for t, p in PROCEDURES.items())
+    rows = (f'| [{t}]({t}.md) | {p.home} | {needs(p)} |' for t, p in PROCEDURES.items())
     return INDEX.format(notice=NOTICE, limits_page=LIMITS_PAGE, rows='\n'.join(rows))
 
 

@@ -12,8 +12,10 @@ import pytest
 from homing_node.figures.diagram import arrows, bounds, boxes, mermaid
 from homing_node.figures.diagram_svg import svg
 from homing_node.procedures.motions import Kind
+from homing_node.procedures.procedure import Procedure
 from homing_node.procedures.states import HomeType, State
-from homing_node.procedures.tables import HOMED, PROCEDURES, Procedure
+from homing_node.procedures.steps import HOMED
+from homing_node.procedures.tables import PROCEDURES
 
 TYPES = Path(__file__).resolve().parent.parent / 'doc' / 'types'
 every_type = pytest.mark.parametrize(
@@ -153,6 +155,8 @@ def _texts(document: str) -> list[str]:
 def test_page_shows_the_table_as_it_is(procedure: Procedure) -> None:
     page = (TYPES / f'{procedure.home_type}.md').read_text()
     assert f'```mermaid\n{mermaid(procedure)}```\n' in page, 'run make docs'
+    assert f'\n\n{procedure.words}\n\n' in page, 'run make docs'
+    assert f'\n| Home position | {procedure.home} |\n' in page, 'run make docs'
     picture = TYPES / 'figures' / f'{procedure.home_type}.svg'
     assert picture.read_text() == svg(procedure), 'run make docs'
 

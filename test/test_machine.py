@@ -11,7 +11,7 @@ from homing_node.core.signals import Edge, Switch
 from homing_node.plant.layout import SwitchLayout
 from homing_node.procedures.events import Event
 from homing_node.procedures.states import Error, Input, State
-from homing_node.procedures.tables import (
+from homing_node.procedures.steps import (
     HOME_SHIFT,
     HOME_SHIFT_MOVE,
     HS_CLEAR_REVERSE,

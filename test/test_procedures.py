@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables: closed, bounded, reachable, and what the manual's page says."""
 
+import re
+
 import pytest
 from core_rig import HS_OFF_TYPES, LIMIT_TYPES, REVERSING, TRUE_HOME, TYPES, path, rig
 
 from homing_node.procedures.events import CONDITIONS, Event
-from homing_node.procedures.motions import AWAY_FAST, TOWARD_FAST, Bound, Kind, Pace, Way
-from homing_node.procedures.states import HomeType, Input, Role, State, Tier
-from homing_node.procedures.tables import (
-    HOME_SHIFT,
-    HOMED,
-    HS_SEARCH,
-    PROCEDURES,
-    Row,
-    Step,
+from homing_node.procedures.fragments import (
     compose,
     home_switch_clear,
     home_switch_initially_on,
     limit_switch_during_homing,
 )
+from homing_node.procedures.motions import AWAY_FAST, TOWARD_FAST, Bound, Kind, Pace, Way
+from homing_node.procedures.procedure import Row
+from homing_node.procedures.states import HomeType, Input, Role, State, Tier
+from homing_node.procedures.steps import HOME_SHIFT, HOMED, HS_SEARCH, Step
+from homing_node.procedures.tables import PROCEDURES
 
 EVERY_TYPE = pytest.mark.parametrize('home_type', TYPES, ids=str)
 ROWS = [
@@ -147,6 +146,19 @@ def test_hs_off_types_start_on_the_switch_as_off_it(home_type):
 def test_limit_types_clear_their_limit_first(home_type):
     first = PROCEDURES[home_type].rows[PROCEDURES[home_type].first]
     assert (Event.LS_ON in first.on) == (home_type in LIMIT_TYPES)
+
+
+@EVERY_TYPE
+def test_the_words_number_the_steps_and_name_every_state_of_the_table(home_type):
+    procedure = PROCEDURES[home_type]
+    numbers = [line[:3] for line in procedure.words.splitlines() if line[:1].isdigit()]
+    assert numbers == [f'{i}. ' for i in range(1, len(numbers) + 1)]
+    assert numbers
+    assert procedure.home
+    reversal = {State.HSFallingEdgeSearchReverse} if home_type in REVERSING else set()
+    named = {state for state in State if f'{state}' in re.split(r'\W+', procedure.words)}
+    assert named - {State.Idle} == {step.state for step in procedure.rows} - reversal
+    assert ('the reversal' in ' '.join(procedure.words.split())) == bool(reversal)
 
 
 def test_shared_fragments():

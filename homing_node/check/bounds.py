@@ -7,8 +7,9 @@ from math import isfinite
 from ..plant.geometry import Flag, arming_edge, index_pulse, place_of
 from ..procedures.events import Event
 from ..procedures.motions import Bound, Kind, Pace, Way
+from ..procedures.procedure import Row
 from ..procedures.states import LATCHES, HomeType, IndexMarginAction, Input, Role
-from ..procedures.tables import HOME_SHIFT, Row, Step
+from ..procedures.steps import HOME_SHIFT, Step
 from .finding import Finding, Severity, up
 from .placed import SIDES, Placed
 from .stopping import turning_distance

@@ -7,8 +7,9 @@ from math import isfinite
 from ..core.limits import Limit
 from ..procedures.events import Event
 from ..procedures.motions import Way
+from ..procedures.procedure import Row
 from ..procedures.states import Input, Role, Tier
-from ..procedures.tables import Row, Step
+from ..procedures.steps import Step
 from .finding import Finding, Severity, down
 from .placed import SIDES, Placed, Stop, ls_type_of
 

@@ -16,8 +16,9 @@ from ..plant.layout import AxisLayout
 from ..plant.timing import Timing
 from ..procedures.events import Event
 from ..procedures.motions import Kind, Way
+from ..procedures.procedure import Row
 from ..procedures.states import HomeType, Input, Role, Tier
-from ..procedures.tables import Row, Step
+from ..procedures.steps import Step
 from .finding import Finding, Severity, down
 from .stopping import fastest, reaction_distance, stopping_distance, turning_distance
 

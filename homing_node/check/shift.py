@@ -8,7 +8,7 @@ from ..core.limits import Limit
 from ..plant.geometry import true_home
 from ..procedures.motions import Pace, Way
 from ..procedures.states import HomeType, Tier
-from ..procedures.tables import HOME_SHIFT, HOME_SHIFT_MOVE
+from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE
 from .finding import Finding, Severity, down, up
 from .placed import SIDES, Placed
 from .stopping import fastest, stopping_distance

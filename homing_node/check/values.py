@@ -20,7 +20,7 @@ from ..procedures.states import (
     Role,
     Tier,
 )
-from ..procedures.tables import HOME_SHIFT
+from ..procedures.steps import HOME_SHIFT
 from .finding import Finding, Severity, down, up
 from .stopping import fastest, stopping_distance, turning_distance
 

@@ -13,8 +13,9 @@ from typing import NamedTuple
 from ..parameters.axis import AxisParameters
 from ..procedures.events import CONDITIONS, Event
 from ..procedures.motions import Kind, Way
+from ..procedures.procedure import Row
 from ..procedures.states import Error, Input, State
-from ..procedures.tables import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Row, Step
+from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Step
 from .limits import Action, Limit, LimitSwitches, Moment, Response, response_to
 from .movement import Movement
 from .outcome import Fault

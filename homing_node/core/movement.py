@@ -11,8 +11,8 @@ from collections.abc import Callable
 from ..parameters.axis import AxisParameters
 from ..procedures.events import Event
 from ..procedures.motions import Kind, Motion, Pace, Way
+from ..procedures.procedure import Row
 from ..procedures.states import IndexMarginAction
-from ..procedures.tables import Row
 from .latches import Latches
 from .mechanical_end import MechanicalEnd
 from .outcome import Fault

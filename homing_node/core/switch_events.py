@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from ..parameters.axis import AxisParameters
 from ..procedures.events import Event
 from ..procedures.motions import Way
+from ..procedures.procedure import Row
 from ..procedures.states import Input, Role
-from ..procedures.tables import Row
 from .flags import FlagEnds
 from .limits import Limit, LimitSwitches
 from .signals import Edge, Switch

@@ -9,8 +9,8 @@ import math
 from ..parameters.axis import AxisParameters
 from ..procedures.events import Event
 from ..procedures.motions import Bound, Kind, Way
+from ..procedures.procedure import Row
 from ..procedures.states import Error
-from ..procedures.tables import Row
 from .outcome import Fault
 from .signals import Track
 

@@ -10,8 +10,9 @@ from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 from ..procedures.motions import Kind
+from ..procedures.procedure import Procedure
 from ..procedures.states import State
-from ..procedures.tables import HOMED, Procedure, Step
+from ..procedures.steps import HOMED, Step
 
 
 class Box(NamedTuple):

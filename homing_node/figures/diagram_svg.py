@@ -12,7 +12,7 @@ from typing import NamedTuple
 from xml.sax.saxutils import escape
 
 from ..procedures.events import CONDITIONS, Event
-from ..procedures.tables import Procedure
+from ..procedures.procedure import Procedure
 from .diagram import END, Arrow, Box, arrows, bounds, boxes, motions
 from .palette import DARK_GREY, DARK_VERMILLION, GREY, INK, state_colour
 

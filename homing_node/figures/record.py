@@ -25,7 +25,7 @@ from ..core.outcome import Outcome
 from ..course import Course, Happening, Sample
 from ..procedures.events import Event
 from ..procedures.states import LATCHES, Error, Input, State
-from ..procedures.tables import Step
+from ..procedures.steps import Step
 
 FORMAT = 'homing course 1'
 #: Of a position: a linear axis, a rotary one.

@@ -11,6 +11,7 @@ from math import sqrt
 
 from ..procedures.events import Event
 from ..procedures.motions import Kind, Pace, Way
+from ..procedures.procedure import Procedure
 from ..procedures.states import (
     LATCHES,
     LIMIT_PAIRS,
@@ -22,7 +23,7 @@ from ..procedures.states import (
     Role,
     Tier,
 )
-from ..procedures.tables import PROCEDURES, Procedure
+from ..procedures.tables import PROCEDURES
 from .axis_fields import AxisFields
 from .definition import REQUIRED, Definition, InvalidParameters, read
 from .units import Unit

@@ -12,8 +12,9 @@ from ..parameters.axis import AxisParameters
 from ..plant.layout import AxisLayout
 from ..procedures.events import Event
 from ..procedures.motions import Way
+from ..procedures.procedure import Row
 from ..procedures.states import HomeType, Input
-from ..procedures.tables import HOME_SHIFT, Row, Step
+from ..procedures.steps import HOME_SHIFT, Step
 
 
 class Flag(NamedTuple):

@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The home types that home on the home switch; a limit ahead means the reversal."""
+
+from .events import Event
+from .fragments import (
+    Z_PULSE_REVERSE_ROWS,
+    home_switch_clear,
+    home_switch_initially_on,
+    homes_on_switch,
+    limit_switch_during_homing,
+)
+from .motions import AWAY_SLOW, TOWARD_FAST, TOWARD_SLOW
+from .procedure import Row
+from .states import HomeType
+from .steps import (
+    HOME_SHIFT,
+    HS_AND_Z_PULSE_SEARCH,
+    HS_AND_Z_PULSE_SEARCH_ARMED,
+    HS_CLEAR_REVERSE,
+    HS_CLEAR_REVERSE_AT_START,
+    HS_FALLING_EDGE_SEARCH_REVERSE,
+    HS_OFF_AND_Z_PULSE_SEARCH,
+    HS_OFF_AND_Z_PULSE_SEARCH_ARMED,
+    HS_OFF_SEARCH,
+    HS_SEARCH,
+    SECOND_HS_SEARCH,
+    TOUCH_PROBE_SEARCH,
+    Z_PULSE_SEARCH_REVERSE,
+    Z_PULSE_SEARCH_REVERSE_ARMED,
+)
+
+HS = homes_on_switch(
+    HomeType.HS,
+    'the feedback where the home switch rises',
+    """
+    1. HSSearch: go toward, fast, until the home switch rises. That edge is the home position.
+    2. HomeShift: come to rest beyond the edge, then go to the home position plus the home shift.
+
+    Home switch on at the start: HSClearReverse goes away, fast, until the switch falls, and
+    further by `homing_reverse_distance`; then step 1. Limit ahead in step 1: the reversal, then
+    step 1.
+
+    One fast pass: the quickest of the home switch types, and as repeatable as the switch is at
+    that velocity.
+    """,
+    {
+        HS_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: HOME_SHIFT,
+            },
+        ),
+    },
+    home_switch_initially_on(then=HS_SEARCH),
+    limit_switch_during_homing(then=HS_SEARCH),
+)
+
+HSHS = homes_on_switch(
+    HomeType.HSHS,
+    'the feedback where the home switch rises for the second time, slowly',
+    """
+    1. HSSearch: go toward, fast, until the home switch rises.
+    2. HSClearReverse: go away, fast, until the switch falls, and further by
+       `homing_reverse_distance`.
+    3. SecondHSSearch: go toward, slow, until the switch rises again. That edge is the home
+       position.
+    4. HomeShift: come to rest beyond the edge, then go to the home position plus the home shift.
+
+    Home switch on at the start: step 2, then step 3. Limit ahead in step 1 or 3: the reversal,
+    then step 1.
+
+    The two edges must agree within `edge_tolerance`; else the run ends with `EdgeNotRepeated`.
+    """,
+    {
+        HS_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: HS_CLEAR_REVERSE,
+            },
+        ),
+        SECOND_HS_SEARCH: Row(
+            TOWARD_SLOW,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE,
+                Event.REPEAT: HS_CLEAR_REVERSE,
+                Event.HS_RISES: HOME_SHIFT,
+            },
+        ),
+    },
+    home_switch_clear(then=SECOND_HS_SEARCH),
+    home_switch_initially_on(then=SECOND_HS_SEARCH),
+    limit_switch_during_homing(then=HS_SEARCH),
+)
+
+HS_Z_PULSE = homes_on_switch(
+    HomeType.HSZPulse,
+    "the first Z-pulse beyond the home switch's rising edge",
+    """
+    1. HSAndZPulseSearch: go toward, fast, until the home switch rises.
+    2. HSAndZPulseSearch, armed: go on toward, slow, to the next Z-pulse. The position that the
+       drive latched there is the home position.
+    3. HomeShift: come to rest beyond the pulse, then go to the home position plus the home shift.
+
+    Home switch on at the start: HSClearReverse goes away, fast, until the switch falls, and
+    further by `homing_reverse_distance`; then step 1. Limit ahead in step 1 or 2: the reversal,
+    then step 1.
+
+    The switch only chooses the pulse. Keep its edge away from a pulse, half a pitch at best.
+    """,
+    {
+        HS_AND_Z_PULSE_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: HS_AND_Z_PULSE_SEARCH_ARMED,
+            },
+        ),
+        HS_AND_Z_PULSE_SEARCH_ARMED: Row(
+            TOWARD_SLOW,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.Z_PULSE: HOME_SHIFT,
+            },
+        ),
+    },
+    home_switch_initially_on(then=HS_AND_Z_PULSE_SEARCH),
+    limit_switch_during_homing(then=HS_AND_Z_PULSE_SEARCH),
+)
+
+HS_REVERSE_Z_PULSE = homes_on_switch(
+    HomeType.HSReverseZPulse,
+    'the first Z-pulse after the home switch has fallen, going away',
+    """
+    1. HSSearch: go toward, fast, until the home switch rises.
+    2. ZPulseSearchReverse: turn and go away, slow, until the switch falls.
+    3. ZPulseSearchReverse, armed: go on away, slow, to the next Z-pulse. The position that the
+       drive latched there is the home position.
+    4. HomeShift: come to rest beyond the pulse, then go to the home position plus the home shift.
+
+    Home switch on at the start: HSClearReverse goes away, fast, until the switch falls, and
+    further by `homing_reverse_distance`; then step 1. Limit ahead in step 1: the reversal, then
+    step 1.
+    """,
+    {
+        HS_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: Z_PULSE_SEARCH_REVERSE,
+            },
+        ),
+        Z_PULSE_SEARCH_REVERSE: Row(AWAY_SLOW, {Event.HS_FALLS: Z_PULSE_SEARCH_REVERSE_ARMED}),
+    },
+    Z_PULSE_REVERSE_ROWS,
+    home_switch_initially_on(then=HS_SEARCH),
+    limit_switch_during_homing(then=HS_SEARCH),
+)
+
+HS_TOUCH_PROBE = homes_on_switch(
+    HomeType.HSTouchProbe,
+    "the touch probe's latched position",
+    """
+    1. HSSearch: go toward, fast, until the home switch rises.
+    2. HSClearReverse: go away, fast, until the switch falls, and further by
+       `homing_reverse_distance`.
+    3. TouchProbeSearch: go toward, slow, until the touch probe triggers. The position that the
+       drive latched there is the home position.
+    4. HomeShift: come to rest beyond it, then go to the home position plus the home shift.
+
+    Home switch on at the start: step 2, then step 3. Limit ahead in step 1 or 3: the reversal,
+    then step 1.
+    """,
+    {
+        HS_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: HS_CLEAR_REVERSE,
+            },
+        ),
+        TOUCH_PROBE_SEARCH: Row(
+            TOWARD_SLOW,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.REPEAT: HS_CLEAR_REVERSE,
+                Event.TOUCH_PROBE: HOME_SHIFT,
+            },
+        ),
+    },
+    home_switch_clear(then=TOUCH_PROBE_SEARCH),
+    home_switch_initially_on(then=TOUCH_PROBE_SEARCH),
+    limit_switch_during_homing(then=HS_SEARCH),
+)
+
+# -------------------------------------------------------------------- home switch, falling edge
+
+HS_OFF = homes_on_switch(
+    HomeType.HSOff,
+    'the feedback where the home switch falls, going toward',
+    """
+    1. HSOffSearch: go toward, fast, until the home switch falls, at the far end of its flag. That
+       edge is the home position.
+    2. HomeShift: come to rest beyond the edge, then go to the home position plus the home shift.
+
+    Home switch on at the start: the same, with less far to go. Limit ahead in step 1: the
+    reversal, then step 1.
+    """,
+    {
+        HS_OFF_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_FALLS: HOME_SHIFT,
+            },
+        ),
+    },
+    limit_switch_during_homing(then=HS_OFF_SEARCH),
+)
+
+HS_OFF_Z_PULSE = homes_on_switch(
+    HomeType.HSOffZPulse,
+    "the first Z-pulse beyond the home switch's falling edge",
+    """
+    1. HSOffAndZPulseSearch: go toward, fast, until the home switch falls, at the far end of its
+       flag.
+    2. HSOffAndZPulseSearch, armed: go on toward, slow, to the next Z-pulse. The position that the
+       drive latched there is the home position.
+    3. HomeShift: come to rest beyond the pulse, then go to the home position plus the home shift.
+
+    Home switch on at the start: the same, with less far to go. Limit ahead in step 1 or 2: the
+    reversal, then step 1.
+    """,
+    {
+        HS_OFF_AND_Z_PULSE_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_FALLS: HS_OFF_AND_Z_PULSE_SEARCH_ARMED,
+            },
+        ),
+        HS_OFF_AND_Z_PULSE_SEARCH_ARMED: Row(
+            TOWARD_SLOW,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.Z_PULSE: HOME_SHIFT,
+            },
+        ),
+    },
+    limit_switch_during_homing(then=HS_OFF_AND_Z_PULSE_SEARCH),
+)
+
+HS_OFF_REVERSE_Z_PULSE = homes_on_switch(
+    HomeType.HSOffReverseZPulse,
+    'the first Z-pulse after the home switch has risen, going away',
+    """
+    1. HSOffSearch: go toward, fast, until the home switch falls, at the far end of its flag.
+    2. ZPulseSearchReverse: turn and go away, slow, until the switch rises again.
+    3. ZPulseSearchReverse, armed: go on away, slow, to the next Z-pulse. The position that the
+       drive latched there is the home position.
+    4. HomeShift: come to rest beyond the pulse, then go to the home position plus the home shift.
+
+    Home switch on at the start: the same, with less far to go. Limit ahead in step 1: the
+    reversal, then step 1.
+    """,
+    {
+        HS_OFF_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_FALLS: Z_PULSE_SEARCH_REVERSE,
+            },
+        ),
+        Z_PULSE_SEARCH_REVERSE: Row(AWAY_SLOW, {Event.HS_RISES: Z_PULSE_SEARCH_REVERSE_ARMED}),
+    },
+    Z_PULSE_REVERSE_ROWS,
+    limit_switch_during_homing(then=HS_OFF_SEARCH),
+)
