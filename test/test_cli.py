@@ -5,8 +5,11 @@ import csv
 import json
 import os
 import pty
+import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from time import process_time
 
@@ -140,7 +143,7 @@ def test_the_timing_counts(capsys):
 def test_run_tells_the_course(capsys):
     status, out, err = run(capsys, 'run', DEMO, '--layout', PLANT, '--axis', 'z')
     assert (status, err) == (0, '')
-    assert out.startswith('axis z: HSHS Positive from 0.175: homed in ')
+    assert out.startswith('axis z: HSHS Positive from 0.175 m: homed in ')
     states = [
         'HSSearch',
         'HSFallingEdgeSearchReverse',
@@ -150,7 +153,7 @@ def test_run_tells_the_course(capsys):
         'HomeShift',
     ]
     assert [line.split()[4] for line in out.splitlines() if '->' in line] == states
-    assert 'home position 0.15 (raw); true 0.15, off by' in out and 'real time' in out
+    assert 'home position 0.150000 m (raw); true 0.150000 m, off by' in out and 'real time' in out
 
 
 def test_run_homes_all_axes(capsys):
@@ -455,6 +458,10 @@ def test_diagram_into_a_file(capsys):
         (['run', DEMO], '--layout'),
         (['run', DEMO, '--layout', PLANT, '--type', 'HSS'], 'HSS'),
         (['run', DEMO, '--layout', PLANT, '--starts', '1', '--all-starts'], 'from 2'),
+        (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--starts', '5'], 'for --all-starts'),
+        (['check', DEMO, 'b.yaml'], 'b.yaml: one file too many, a command takes one'),
+        (['check', DEMO, PLANT], f'use --layout {PLANT}'),
+        (['check', DEMO, '--nonsense'], '--nonsense: no such option'),
         (['check', DEMO, '--latency', '-1'], '--latency: -1 is not a number >= 0'),
         (['check', DEMO, '--latency', 'nan'], '--latency'),
         (['check', DEMO, '--accuracy', '0'], '--accuracy'),
@@ -594,10 +601,72 @@ def test_progress_where_a_terminal_is():
     assert status == 0 and '100%' in out
 
 
-def test_a_closed_pipe_is_no_error():
-    code = 'import sys; from homing_node.cli import main; sys.exit(main())'
+MAIN = 'import sys; from homing_node.cli import main; sys.exit(main())'
+
+
+@pytest.mark.parametrize('command', ['', 'check', 'run', 'plot', 'diagram', 'doctor'])
+def test_every_verb_tells_the_version(capsys, command):
+    status, out, _ = run(capsys, *command.split(), '--version')
+    assert status == 0 and re.fullmatch(r'homing_node \d+\.\d+\.\d+\n', out)
+
+
+def test_an_interrupt_is_told_in_a_word():
     child = subprocess.Popen(
-        [sys.executable, '-c', code, 'diagram', 'HSHS'],
+        [
+            *(sys.executable, '-c', MAIN, 'run', DEMO, '--layout', PLANT, '--axis', 'x'),
+            *('--all-starts', '--starts', '100000'),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    busy = Path(f'/proc/{child.pid}/stat')
+
+    def processor_time():
+        return sum(map(int, busy.read_text().rpartition(')')[2].split()[11:13]))
+
+    while processor_time() < 3 * os.sysconf('SC_CLK_TCK') and child.poll() is None:
+        time.sleep(0.05)  # it imports, then it rehearses for minutes
+    child.send_signal(signal.SIGINT)
+    err = child.communicate()[1]
+    assert (child.returncode, err) == (130, 'homing: interrupted\n'), err
+
+
+def test_a_closed_output_is_told_in_a_line():
+    done = subprocess.run(
+        ['sh', '-c', '"$0" -c "$1" check "$2" >&-', sys.executable, MAIN, DEMO],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (
+        2,
+        'homing: the output cannot be written: it is closed\n',
+    )
+
+
+def test_a_node_needs_no_slash(capsys):
+    config = write('good.yaml', {'x': demo()})
+    assert run(capsys, 'check', config, '--node', 'homing')[0] == 0
+
+
+def test_files_that_are_nested_too_deeply(capsys):
+    Path('deep.yaml').write_text('{a: ' * 3000)
+    status, _, err = run(capsys, 'check', DEMO, '--layout', 'deep.yaml')
+    assert (status, err) == (2, 'homing: deep.yaml: nested too deeply\n')
+    status, out, _ = run(capsys, 'check', 'deep.yaml')
+    assert status == 1 and 'deep.yaml: nested too deeply' in out
+
+
+def test_a_run_of_a_rotary_axis_says_rad(capsys):
+    config = write('rotary.yaml', {'x': demo(unit='rad')})
+    status, out, _ = run(capsys, 'run', config, '--layout', PLANT, '--axis', 'x')
+    assert status == 0 and ' m ' not in out
+    assert 'home position 0.150000 rad (raw); true 0.150000 rad, off by' in out
+
+
+def test_a_closed_pipe_is_no_error():
+    child = subprocess.Popen(
+        [sys.executable, '-c', MAIN, 'diagram', 'HSHS'],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
@@ -617,10 +686,9 @@ def test_a_closed_pipe_is_no_error():
     ],
 )
 def test_a_full_device_is_told_in_a_line(arguments):
-    code = 'import sys; from homing_node.cli import main; sys.exit(main())'
     with open('/dev/full', 'w') as full:
         done = subprocess.run(
-            [sys.executable, '-c', code, *arguments],
+            [sys.executable, '-c', MAIN, *arguments],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,

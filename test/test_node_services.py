@@ -329,8 +329,8 @@ def test_parameters_are_described(client):
     assert velocity.type == ParameterType.PARAMETER_DOUBLE
     assert 'velocity of switch searches' in velocity.description
     assert '[m/s]' in velocity.description
-    assert velocity.floating_point_range[0].from_value == 0.0
-    assert '> 0 m/s' in velocity.additional_constraints
+    assert velocity.floating_point_range[0].from_value == 1e-7
+    assert '>= 1e-07 and <= 10000 m/s' in velocity.additional_constraints
     assert 'HSReverseZPulse' in kind.additional_constraints
     assert axes.read_only
     assert pulses.integer_range[0].from_value == 0
@@ -356,19 +356,25 @@ def test_an_integer_is_a_real_number(client):
 @pytest.mark.parametrize(
     ('name', 'value', 'parts'),
     [
-        ('y__homing_velocity_fast', -0.1, ('y.homing_velocity_fast', '-0.1', '> 0', 'm/s')),
-        ('y__homing_velocity_fast', 0.0, ('y.homing_velocity_fast', '0.0', '> 0', 'm/s')),
+        ('y__homing_velocity_fast', -0.1, ('y.homing_velocity_fast', '-0.1', '>= 1e-07', 'm/s')),
+        ('y__homing_velocity_fast', 0.0, ('y.homing_velocity_fast', '0.0', '>= 1e-07', 'm/s')),
         ('y__homing_velocity_fast', float('nan'), ('y.homing_velocity_fast', 'nan')),
         ('y__travel', float('inf'), ('y.travel', 'inf')),
-        ('y__homing_reverse_distance', -1, ('y.homing_reverse_distance', '-1', '>= 0', ' m')),
+        (
+            'y__homing_reverse_distance',
+            -1,
+            ('y.homing_reverse_distance', '-1', '>= 1e-09', ' m'),
+        ),
         ('y__z_pulse_distance_tolerance', 1.5, ('y.z_pulse_distance_tolerance', '1.5', '<= 1')),
         ('y__home_type', 'HSHSHS', ('y.home_type', 'HSHSHS', "did you mean 'HSHS'")),
         ('y__switches', ['home_swich'], ('y.switches', 'home_swich', "'home_switch'")),
         ('y__invert_hs_polarity', 'yes', ('y.invert_hs_polarity', 'yes', 'true or false')),
+        ('y__max_jerk', 1e-300, ('y.max_jerk', '1e-300', '>= 0.001', 'm/s^3')),
+        ('y__max_jerk', 1e300, ('y.max_jerk', '1e+300', '<= 1e+09', 'm/s^3')),
         ('y__travel', 'long', ('y.travel', 'long', 'a number', 'm')),
         ('y__joint', 5, ('y.joint', '5', 'a string')),
         ('y__multiple_z_pulse', 1.5, ('y.multiple_z_pulse', '1.5', 'an integer')),
-        ('cycle_timeout', 0.0, ('cycle_timeout', '0.0', '> 0', 's')),
+        ('cycle_timeout', 0.0, ('cycle_timeout', '0.0', '>= 0.001', 's')),
         ('home_sequence', ['y, q'], ('home_sequence', "'q'")),
         ('home_sequence', ['y', 'y'], ('home_sequence', "'y'", 'twice')),
         ('home_sequence', 5.0, ('home_sequence', '5.0', 'list of strings')),

@@ -1,23 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `homing`: know before you move. Only `homing doctor` needs ROS.
+"""The command `homing`. Only `homing doctor` needs ROS.
 
-Each of its commands is a module here: what it says of itself, its arguments, and `run`, which
-returns the exit status.
+Each verb is a module here with its help texts, its arguments, and `run`, which returns the exit
+status.
 """
 
 import argparse
 import os
 import sys
 from collections.abc import Sequence
+from importlib import metadata
 
+from ..plant import layout_file
 from . import check, diagram, doctor, plot, run
-from .common import OK, USAGE, Failure
+from .common import INTERRUPTED, OK, USAGE, Failure
 
 STATUS = """\
 exit status:
   0  all is well
   1  {failed}
   2  wrong arguments, or a file that cannot be read, used or written
+  130  interrupted (Ctrl-C)
 """
 
 MAIN = """\
@@ -37,15 +40,27 @@ COMMANDS = {'check': check, 'run': run, 'doctor': doctor, 'plot': plot, 'diagram
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return its exit status."""
-    arguments = _parser().parse_args(argv)
     try:
+        return _run(argv)
+    except KeyboardInterrupt:
+        print('homing: interrupted', file=sys.stderr)
+        return INTERRUPTED
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    arguments, extra = _parser().parse_known_args(argv)
+    if sys.stdout is None:
+        print('homing: the output cannot be written: it is closed', file=sys.stderr)
+        return USAGE
+    try:
+        _refuse(extra)
         status: int = COMMANDS[arguments.command].run(arguments)
         sys.stdout.flush()
     except Failure as failure:
         for line in failure.lines:
             print(f'homing: {line}', file=sys.stderr)
         return failure.status
-    except BrokenPipeError:  # what reads us has seen enough
+    except BrokenPipeError:  # the reader has seen enough
         _drop_output()
         return OK
     except OSError as error:
@@ -57,8 +72,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     return status
 
 
+def _refuse(extra: Sequence[str]) -> None:
+    """Raise Failure for arguments that are too many."""
+    for each in extra:
+        if not each.startswith('-'):
+            hint = f': use --layout {each}' if layout_file.is_layout(each) else ''
+            raise Failure(f'{each}: one file too many, a command takes one{hint}')
+        raise Failure(f'{each}: no such option')
+
+
 def _drop_output() -> None:
-    """Let nothing more be written: Python would try again at its end."""
+    """Discard the output: Python would try to write it again at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -69,15 +93,17 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog=STATUS.format(failed='a finding is an error, or a run failed'),
     )
+    version = f'homing_node {metadata.version("homing_node")}'
+    parser.add_argument('--version', action='version', version=version)
     commands = parser.add_subparsers(metavar='COMMAND', dest='command', required=True)
     for name, command in COMMANDS.items():
-        command.add_arguments(
-            commands.add_parser(
-                name,
-                help=command.TEXT.partition('.')[0].partition(':')[0].partition(',')[0],
-                description=command.TEXT,
-                epilog=command.EXAMPLES + STATUS.format(failed=command.FAILURE),
-                formatter_class=argparse.RawDescriptionHelpFormatter,
-            )
+        verb = commands.add_parser(
+            name,
+            help=command.TEXT.partition('.')[0].partition(':')[0].partition(',')[0],
+            description=command.TEXT,
+            epilog=command.EXAMPLES + STATUS.format(failed=command.FAILURE),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
         )
+        verb.add_argument('--version', action='version', version=version)
+        command.add_arguments(verb)
     return parser

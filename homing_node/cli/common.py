@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands share: exit statuses, the files and numbers that they are given."""
+"""What the verbs share: exit statuses, files, numbers."""
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
@@ -18,13 +18,13 @@ from ..plant import layout_file
 from ..plant.layout_file import InvalidLayout, LayoutFile
 from ..plant.timing import Timing
 
-OK, FAILED, USAGE = 0, 1, 2
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
 COLOURS = {Severity.error: 'bold red', Severity.warning: 'yellow', Severity.info: 'cyan'}
 
 
 class Failure(Exception):
-    """What ends a command: lines for the user, and the exit status."""
+    """The end of a verb: lines for the user, and the exit status."""
 
     def __init__(self, *lines: str, status: int = USAGE) -> None:
         self.lines, self.status = lines, status
@@ -61,11 +61,10 @@ def add_timing(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_unit(parser: argparse.ArgumentParser, default: str | None, otherwise: str) -> None:
+def add_unit(parser: argparse.ArgumentParser, otherwise: str) -> None:
     parser.add_argument(
         '--unit',
         choices=('m', 'rad'),
-        default=default,
         help=f'of positions: a linear or a rotary axis (default: {otherwise})',
     )
 
@@ -148,7 +147,7 @@ def only(axis: str | None, axes: Mapping[str, AxisParameters]) -> dict[str, Axis
 
 
 def written(path: Path, write: Callable[[], None]) -> None:
-    """Write a file; what goes wrong is the user's to know."""
+    """Write a file; raise Failure with the path where it cannot be written."""
     try:
         write()
     except OSError as error:

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default='all',
         help='the position diagram, the profile, or both',
     )
-    add_unit(parser, None, 'as the record says')
+    add_unit(parser, 'as the record says')
 
 
 def run(arguments: argparse.Namespace) -> int:

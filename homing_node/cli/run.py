@@ -36,7 +36,7 @@ from .common import (
     timing_of,
     written,
 )
-from .starts import sweep_axis
+from .sweep_axis import STARTS, sweep_axis
 
 TEXT = """\
 Rehearses homing against a simulated axis, more than a hundred times faster than the real thing:
@@ -88,8 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--starts',
         metavar='N',
         type=count,
-        default=101,
-        help='how many start positions (default: %(default)s)',
+        help=f'how many start positions for --all-starts (default: {STARTS})',
     )
     add_timing(parser)
     parser.add_argument(
@@ -101,7 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help='draw it: .png, .svg or .pdf (--all-starts: default AXIS_starts.png)',
     )
-    add_unit(parser, 'm', 'm')
+    add_unit(parser, 'as the axis has in CONFIG')
     parser.add_argument('--json', action='store_true', help='print the results as JSON')
 
 
@@ -118,6 +117,8 @@ def run(arguments: argparse.Namespace) -> int:
         if getattr(arguments, option) is not None and not alone:
             name = 'from' if option == 'start' else option
             raise Failure(f'--{name} is for one axis; say which: --axis {" or ".join(axes)}')
+    if arguments.starts is not None and not arguments.all_starts:
+        raise Failure('--starts is the number of starts for --all-starts: give both')
     if arguments.all_starts and arguments.start is not None:
         raise Failure('--from is one start, --all-starts are all: give one of them')
     if arguments.all_starts and arguments.save and arguments.save.suffix != '.csv':
@@ -125,17 +126,17 @@ def run(arguments: argparse.Namespace) -> int:
     timing = timing_of(arguments, layout)._replace(update_rate=configuration.update_rate)
     if not arguments.json:
         _show_rates(timing)
-    told: list[dict[str, object]] = []
+    results: list[dict[str, object]] = []
     good = True
     for axis, parameters in axes.items():
         parameters = _with_type(parameters, arguments.type, axis)
         where = _place(arguments, layout, axis, parameters)
         act = sweep_axis if arguments.all_starts else _run_axis
         trials = act(arguments, axis, parameters, where, timing)
-        told += [_as_dict(axis, parameters, trial, timing) for trial in trials]
+        results += [_as_dict(axis, parameters, trial, timing) for trial in trials]
         good &= all(trial.success for trial in trials)
     if arguments.json:
-        print(json.dumps({'ok': good, 'runs': told}, indent=2))
+        print(json.dumps({'ok': good, 'runs': results}, indent=2))
     return OK if good else FAILED
 
 
@@ -190,8 +191,8 @@ def _place(
     low, high = where.hard_stops
     if arguments.start is not None and not low <= arguments.start <= high:
         raise Failure(
-            f'--from: {arguments.start:g} is beyond the hard stops of axis {axis}, '
-            f'{low:g} and {high:g}'
+            f'--from: {arguments.start:g} {parameters.unit} is beyond the hard stops of axis '
+            f'{axis}, {low:g} {parameters.unit} and {high:g} {parameters.unit}'
         )
     if isnan(where.index_offset):
         where = where._replace(index_pitch=0.0, index_offset=0.0)
@@ -207,13 +208,14 @@ def _run_axis(
 ) -> list[Trial]:
     trial = rehearse_from(parameters, where, transport_of(timing), arguments.start, axis)
     title = f'{axis}: {parameters.home_type} from {trial.start:g}'
+    unit = arguments.unit or str(parameters.unit)
     files = []
     if arguments.save:
         from ..figures import record
 
         written(
             arguments.save,
-            lambda: record.save(arguments.save, trial.course, title, arguments.unit),
+            lambda: record.save(arguments.save, trial.course, title, unit),
         )
         files.append(arguments.save)
     if arguments.plot:
@@ -221,11 +223,11 @@ def _run_axis(
 
         written(
             arguments.plot,
-            lambda: plot.save(arguments.plot, trial.course, where, title, unit=arguments.unit),
+            lambda: plot.save(arguments.plot, trial.course, where, title, unit=unit),
         )
         files.append(arguments.plot)
     if not arguments.json:
-        _show_run(console(), axis, parameters, trial, files)
+        _show_run(console(), axis, parameters, trial, unit, files)
     return [trial]
 
 
@@ -252,30 +254,38 @@ def _as_dict(
 
 
 def _show_run(
-    console: Console, axis: str, parameters: AxisParameters, trial: Trial, files: Sequence[Path]
+    console: Console,
+    axis: str,
+    parameters: AxisParameters,
+    trial: Trial,
+    unit: str,
+    files: Sequence[Path],
 ) -> None:
     outcome = trial.course.outcome
     assert outcome is not None
     lines = []
     if trial.hits is not None:
-        lines.append(f'the axis ran into the hard stop at {trial.hits:g}')
+        lines.append(f'the axis ran into the hard stop at {trial.hits:g} {unit}')
     if outcome.success:
         known = (
             ''
-            if trial.off is None
-            else (f'; true {trial.true_home:.9g}, off by {abs(trial.off):.2g}')
+            if trial.off is None or trial.true_home is None
+            else f'; true {trial.true_home:.6f} {unit}, off by {abs(trial.off):.2g} {unit}'
         )
         lines += [
-            f'home position {outcome.home_position_raw:.9g} (raw){known}, known to within '
-            f'{outcome.uncertainty:.2g}',
-            f'reads {parameters.home_position:g} at '
-            f'{outcome.home_offset + parameters.home_position:.9g} (raw)',
+            f'home position {outcome.home_position_raw:.6f} {unit} (raw){known}, known to within '
+            f'{outcome.uncertainty:.2g} {unit}',
+            f'reads {parameters.home_position:g} {unit} at '
+            f'{outcome.home_offset + parameters.home_position:.6f} {unit} (raw)',
         ]
     else:
         lines.append(f'{outcome.error}: {outcome.message}')
     seconds = f'{trial.course.duration:.3f} s'
     verdict = f'homed in {seconds}' if trial.success else f'failed after {seconds}'
-    head = f'axis {axis}: {parameters.home_type} {parameters.home_direction} from {trial.start:g}'
+    head = (
+        f'axis {axis}: {parameters.home_type} {parameters.home_direction} '
+        f'from {trial.start:g} {unit}'
+    )
     lines.append(f'rehearsed in {trial.took:.3f} s, {trial.speed:.0f} times real time')
     lines += [f'wrote {path}' for path in files]
     if not console.is_terminal:

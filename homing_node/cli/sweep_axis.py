@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`homing run --all-starts`: what becomes of a run, over where it starts."""
+"""`homing run --all-starts`: runs from everywhere along the travel of an axis."""
 
 import argparse
 from collections.abc import Sequence
@@ -15,6 +15,9 @@ from ..plant.timing import Timing
 from ..rehearsal.sweep import Trial, starts, sweep, transport_of
 from .common import written
 
+#: How many start positions, where the user does not say it.
+STARTS = 101
+
 
 def sweep_axis(
     arguments: argparse.Namespace,
@@ -23,11 +26,11 @@ def sweep_axis(
     where: AxisLayout,
     timing: Timing,
 ) -> list[Trial]:
-    """Run from everywhere along the travel, draw it and tell how it went."""
+    """Run from everywhere along the travel; draw and print the results."""
     from ..figures import sweep_plot
 
     console = Console(stderr=True)
-    positions = starts(parameters, where, arguments.starts)
+    positions = starts(parameters, where, arguments.starts or STARTS)
     shown = console.is_terminal and not arguments.json
     progress: AbstractContextManager[Progress | None] = (
         Progress(console=console, transient=True) if shown else nullcontext()
@@ -41,19 +44,20 @@ def sweep_axis(
 
         trials = list(sweep(parameters, where, transport_of(timing), positions, axis, done))
     path = arguments.plot or Path(f'{axis}_starts.png')
+    unit = arguments.unit or str(parameters.unit)
     title = f'{axis}: {parameters.home_type} {parameters.home_direction}'
-    written(path, lambda: sweep_plot.draw(path, trials, where, title, arguments.unit))
+    written(path, lambda: sweep_plot.draw(path, trials, where, title, unit))
     if arguments.save:
         written(arguments.save, lambda: _save_starts(arguments.save, trials))
     if not arguments.json:
-        _show(axis, parameters, trials)
+        _show(axis, parameters, trials, unit)
         print(f'  wrote {path}')
         if arguments.save:
             print(f'  wrote {arguments.save}')
     return trials
 
 
-def _show(axis: str, parameters: AxisParameters, trials: Sequence[Trial]) -> None:
+def _show(axis: str, parameters: AxisParameters, trials: Sequence[Trial], unit: str) -> None:
     durations = [trial.course.duration for trial in trials]
     took = sum(trial.took for trial in trials)
     homed = sum(trial.success for trial in trials)
@@ -65,18 +69,18 @@ def _show(axis: str, parameters: AxisParameters, trials: Sequence[Trial]) -> Non
         failed = [trial for trial in trials if trial.error == error]
         message = failed[0].course.outcome.message if failed[0].course.outcome else ''
         print(
-            f'  {error} from {len(failed)} positions between {failed[0].start:g} and '
-            f'{failed[-1].start:g}{": " if message else ""}{message}'
+            f'  {error} from {len(failed)} positions between {failed[0].start:g} {unit} and '
+            f'{failed[-1].start:g} {unit}{": " if message else ""}{message}'
         )
     print(f'  time {min(durations):.3f} s to {max(durations):.3f} s')
     off = [abs(trial.off) for trial in trials if trial.off is not None]
     if off:
-        print(f'  home off by at most {max(off):.2g}')
+        print(f'  home off by at most {max(off):.2g} {unit}')
     print(f'  rehearsed in {took:.2f} s, {sum(durations) / took:.0f} times real time')
 
 
 def _save_starts(path: Path, trials: Sequence[Trial]) -> None:
-    """Save what became of each start, one line each."""
+    """Save the result of each start, one line each."""
     rows = ['start,time,error,home_position_raw,off']
     for trial in trials:
         outcome = trial.course.outcome
