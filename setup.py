@@ -17,7 +17,7 @@ data_files = [
     ('share/ament_index/resource_index/packages', [f'resource/{package}']),
     (f'share/{package}', ['package.xml']),
     (f'share/{package}/launch', sorted(glob('launch/*.py'))),
-    (f'share/{package}/config', sorted(glob('config/*.yaml'))),
+    (f'share/{package}/config', sorted(glob('config/*'))),
 ]
 
 if os.environ.get('COLCON'):
@@ -42,7 +42,6 @@ setup(
     name=package,
     version='0.1.0',
     packages=find_packages(include=[package, f'{package}.*']),
-    package_data={f'{package}.ros': ['*.xml']},
     data_files=data_files,
     python_requires='>=3.10',
     install_requires=requirements,

@@ -5,16 +5,16 @@ under_test.py FILE --ros-args ...
 """
 
 import sys
-from collections.abc import Mapping
+from typing import Any
 
 from grid import Grid
 
-from homing_node.core.axis import Setpoint
 from homing_node.ros.main import main
 from homing_node.ros.node import HomingNode
+from homing_node.ros.setpoints import TrajectorySetpoints
 
 grid = Grid()
-cycle, publish = HomingNode._cycle, HomingNode._publish
+cycle, publish = HomingNode._cycle, TrajectorySetpoints.publish
 now_due = 0.0
 
 
@@ -24,15 +24,15 @@ def cycling(self: HomingNode, now: float, due: float) -> None:
     cycle(self, now, due)
 
 
-def publishing(self: HomingNode, setpoints: Mapping[str, Setpoint]) -> None:
+def publishing(self: TrajectorySetpoints, message: Any) -> None:
     grid.note(now_due)
-    publish(self, setpoints)
+    publish(self, message)
 
 
 if __name__ == '__main__':
     file = sys.argv.pop(1)
     HomingNode._cycle = cycling  # type: ignore[method-assign]
-    HomingNode._publish = publishing  # type: ignore[method-assign]
+    TrajectorySetpoints.publish = publishing  # type: ignore[method-assign]
     status = main()
     grid.save(file)
     sys.exit(status)

@@ -20,7 +20,6 @@ settings.load_profile('fuzz' if os.environ.get('HOMING_FUZZ') else 'quick')
 
 #: Files that start processes or look at a clock.
 TIMED = (
-    'test_arrivals',
     'test_bench',
     'test_cli',
     'test_client',
@@ -28,7 +27,6 @@ TIMED = (
     'test_node_',
     'test_reports',
     'test_timebase',
-    'test_transport',
 )
 #: Its last test looks back at all the others.
 WHOLE = 'test_homing.py'

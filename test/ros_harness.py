@@ -47,6 +47,11 @@ LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: A participant that joins later than half a second after another is found by it only with its
 #: next announcement, which by default comes every 3 s.
 PROFILE = Path(__file__).with_name('quick_discovery.xml')
+#: What every process of a test runs with: this machine alone, over UDP (doc/decisions/0009).
+UDP = {
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
+    'FASTRTPS_DEFAULT_PROFILES_FILE': str(PROFILE.parents[1] / 'config' / 'localhost_udp.xml'),
+}
 os.environ.update(
     ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
     ROS_PYTHON_CHECK_FIELDS='1',
@@ -123,11 +128,11 @@ class Process:
         code = f'import sys; from {MAINS[name]} import main; sys.exit(main())'
         environment = {
             **os.environ,
+            **UDP,
             'ROS_DOMAIN_ID': str(domain.number),
             'PYTHONFAULTHANDLER': '1',
             'ROS_LOG_DIR': str(folder / 'log'),
         }
-        del environment['FASTRTPS_DEFAULT_PROFILES_FILE']  # its own
         with self._log.open('w') as log:
             self.process = subprocess.Popen(
                 [sys.executable, '-c', code, '--ros-args', '--params-file', str(file), *arguments],

@@ -4,7 +4,7 @@
 import pytest
 from test_request import FakeAxis, running
 
-from homing_node.core.dispatch import Answer, Dispatch
+from homing_node.core.dispatch import Dispatch
 from homing_node.core.outcome import Outcome
 from homing_node.procedures.states import Error
 
@@ -16,43 +16,29 @@ def axes():
 
 @pytest.fixture
 def dispatch(axes):
-    return Dispatch(axes, (('z',), ('x', 'y')), lambda name: None)
+    return dispatch_of(axes, (('z',), ('x', 'y')))
 
 
-def test_an_answer_is_awaited():
-    answer = Answer()
-
-    async def wait():
-        await answer
-        return 'given'
-
-    waiting = wait()
-    assert waiting.send(None) is None
-    assert waiting.send(None) is None
-    answer.give()
-    with pytest.raises(StopIteration) as ended:
-        waiting.send(None)
-    assert ended.value.value == 'given'
+def dispatch_of(axes, groups, unready=lambda name: None):
+    return Dispatch(axes, groups, unready, object)
 
 
 def test_all_axes_home_in_the_order_of_the_groups(dispatch, axes):
     request = dispatch.home(['x', 'y', 'z'], 'me', 0.0)
-    answer = dispatch.answer(request)
+    waiter = dispatch.waiter(request)
     assert request.groups == [('z',), ('x', 'y')]
     assert running(axes) == 'z'
     axes['z'].end()
     assert not dispatch.update(0.1)
     axes['x'].end()
     axes['y'].end()
-    assert not answer.given
-    assert dispatch.update(0.2)
-    assert answer.given
+    assert dispatch.update(0.2) == [waiter]
     assert dispatch.idle
     assert not dispatch.update(0.3)
 
 
 def test_some_axes_home_in_that_order_and_unlisted_ones_afterwards(axes):
-    dispatch = Dispatch(axes, (('z', 'y'),), lambda name: None)
+    dispatch = dispatch_of(axes, (('z', 'y'),))
     assert dispatch.home(['x', 'y'], 'me', 0.0).groups == [('y',), ('x',)]
 
 
@@ -82,7 +68,7 @@ def test_an_axis_may_home_again_as_soon_as_the_answer_is_given(dispatch, axes):
 
 
 def test_an_axis_that_is_not_ready_is_not_started(axes):
-    dispatch = Dispatch(
+    dispatch = dispatch_of(
         axes, (), lambda name: Outcome(Error.PublisherConflict, 'two') if name == 'y' else None
     )
     assert dispatch.home(['x', 'y'], 'me', 0.0).error is Error.PublisherConflict
@@ -100,29 +86,24 @@ def test_an_axis_that_is_unknown(dispatch, axes):
 def test_a_refused_axis_answers_at_once(dispatch, axes):
     axes['x'].refused = Outcome(Error.FeedbackStale, 'axis x: …')
     request = dispatch.home(['x'], 'me', 0.0)
-    assert dispatch.answer(request).given
+    assert dispatch.waiter(request) is None
     assert dispatch.idle
     assert request.outcomes['x'].error is Error.FeedbackStale
 
 
 def test_cancel_answers_at_rest(dispatch, axes):
-    home = dispatch.answer(dispatch.home(['x'], 'me', 0.0))
-    moving, waiting, answer = dispatch.cancel(['x', 'y'])
+    home = dispatch.waiter(dispatch.home(['x'], 'me', 0.0))
+    moving, waiting, cancel = dispatch.cancel(['x', 'y'])
     assert (moving, waiting) == (['x'], [])
     assert axes['x'].canceled
     assert not dispatch.update(0.1)
-    assert not answer.given
     axes['x'].end(Error.Canceled)
-    assert dispatch.update(0.2)
-    assert answer.given
-    assert home.given
+    assert dispatch.update(0.2) == [home, cancel]
     assert dispatch.idle
 
 
 def test_nothing_to_cancel_answers_at_once(dispatch):
-    moving, waiting, answer = dispatch.cancel(['x', 'y', 'z'])
-    assert moving == waiting == []
-    assert answer.given
+    assert dispatch.cancel(['x', 'y', 'z']) == ([], [], None)
     assert dispatch.idle
 
 
@@ -153,9 +134,7 @@ def test_to_cancel_all_leaves_nothing_to_start(dispatch, axes):
 def test_to_cancel_an_axis_that_waits(dispatch, axes):
     """It never moves, though it rests already."""
     request = dispatch.home(['x', 'y', 'z'], 'me', 0.0)
-    moving, waiting, answer = dispatch.cancel(['x'])
-    assert (moving, waiting) == ([], ['x'])
-    assert answer.given
+    assert dispatch.cancel(['x']) == ([], ['x'], None)
     axes['z'].end()
     assert dispatch.update(0.2)
     assert not running(axes)
@@ -164,25 +143,22 @@ def test_to_cancel_an_axis_that_waits(dispatch, axes):
 
 
 def test_close(dispatch, axes):
-    home = dispatch.answer(dispatch.home(['x', 'y', 'z'], 'me', 0.0))
+    home = dispatch.waiter(dispatch.home(['x', 'y', 'z'], 'me', 0.0))
     dispatch.close()
     assert axes['z'].canceled
     refusal = dispatch.home(['x'], 'me', 0.1)
     assert refusal.error is Error.Canceled
     assert 'shutting down' in refusal.message
     axes['z'].end(Error.Canceled)
-    assert dispatch.update(0.2)
-    assert home.given
+    assert dispatch.update(0.2) == [home]
     assert dispatch.idle
     assert axes['x'].runs == 0
 
 
 def test_abandon(dispatch, axes):
     request = dispatch.home(['z'], 'me', 0.0)
-    home, (_, _, cancel) = dispatch.answer(request), dispatch.cancel(['z'])
-    dispatch.abandon('because')
-    assert home.given
-    assert cancel.given
+    home, (_, _, cancel) = dispatch.waiter(request), dispatch.cancel(['z'])
+    assert dispatch.abandon('because') == [home, cancel]
     assert dispatch.idle
     assert dispatch.closed
     assert request.outcomes['z'] == Outcome(Error.Canceled, 'axis z: because')

@@ -16,7 +16,7 @@ from std_msgs.msg import Bool, Float64
 
 from homing_node.core.axis import Axis
 from homing_node.procedures.states import Error, Input
-from homing_node.ros.inputs import MANY_FEEDS, Inputs
+from homing_node.ros.inputs import MANY_LISTS, Inputs
 from homing_node.ros.timebase import TimeBase
 
 
@@ -36,24 +36,6 @@ class Subscription:
     @staticmethod
     def get_publisher_count():
         return 1
-
-
-class Arrivals:
-    """Lets every poll look, unless the test says otherwise."""
-
-    def __init__(self):
-        self.told = True
-        self.watched = []
-        self.expected = 0
-
-    def watch(self, subscription):
-        self.watched.append(subscription)
-
-    def expect(self):
-        self.expected += 1
-
-    def pending(self):
-        return self.told
 
 
 class Clock:
@@ -82,7 +64,7 @@ class Cell:
     def __init__(self, home_type):
         self.axis = Axis('x', rig(home_type).parameters(), self.PERIOD)
         self.topics = {}
-        self.clock, self.arrivals = Clock(), Arrivals()
+        self.clock = Clock()
         self.inputs = Inputs(
             {'x': self.axis},
             {'x': 'x'},
@@ -90,8 +72,7 @@ class Cell:
             self._subscribe,
             lambda _: None,
             10,
-            self.arrivals,
-            self._hold_up,
+            self._late_cycle,
         )
         self.inputs.wire('x', {})
         self.last = None
@@ -108,7 +89,7 @@ class Cell:
         return self.topics[name]
 
     @staticmethod
-    def _hold_up(late):
+    def _late_cycle(late):
         return f'held up for {late:g} s' if late > 0.2 else ''
 
     def say(self, topic, message, stamp=0.0, age=0.0):
@@ -261,39 +242,6 @@ def test_any_messages_in_any_order(home_type, events):
     assert cell.last is None
 
 
-# -- when it is looked for messages ---------------------------------------------------------------
-
-
-def test_only_feedback_and_emergency_stop_are_looked_for_without_being_told():
-    cell = Cell('HSHS')
-    cell.arrivals.told = False
-    cell.say('joint_states', JointState(name=['x'], position=[0.06]))
-    cell.say('emergency_stop', Bool(data=True))
-    cell.say('home_switch', Bool(data=True))
-    cell.cycle()
-    assert {name for name, topic in cell.topics.items() if topic.waiting} == {'home_switch'}
-    assert cell.axis.position == 0.06
-    assert cell.axis.error is Error.EmergencyStop
-    cell.arrivals.told = True
-    cell.cycle()
-    assert not cell.topics['home_switch'].waiting
-
-
-def test_each_input_that_is_wired_is_watched():
-    cell = Cell('HSHS')
-    cell.inputs.wire('x', {Input.HOME_SWITCH: '/other'})
-    assert [one.topic_name for one in cell.arrivals.watched] == [
-        *(f'~/x/{source}' for source in cell.axis.parameters.inputs),
-        '/other',
-    ]
-
-
-def test_all_inputs_are_looked_at_when_their_publishers_are():
-    cell = Cell('HSHS')
-    cell.inputs.watch()
-    assert cell.arrivals.expected == 1
-
-
 # -- whose joints come together -------------------------------------------------------------------
 
 
@@ -314,7 +262,6 @@ class Fed:
             self._subscribe,
             lambda _: None,
             10,
-            Arrivals(),
             lambda _: '',
         )
         for name in self.axes:
@@ -398,9 +345,9 @@ def test_a_message_too_late_stops_its_axes_whatever_list_it_comes_in():
 
 def test_lists_of_joints_without_end_are_not_kept():
     fed = Fed(x=0.1)
-    for number in range(3 * MANY_FEEDS):
+    for number in range(3 * MANY_LISTS):
         assert fed.say(x=0.0, **{f'other_{number}': 0.0}) == ('x', 'x')
-    assert len(fed.inputs._feeds) <= MANY_FEEDS
+    assert len(fed.inputs._lists) <= MANY_LISTS
 
 
 # -- the clocks of the computer -------------------------------------------------------------------

@@ -349,62 +349,72 @@ def test_homings_in_a_row(tmp_path):
 # ----------------------------------------------------------------------------------- the process
 
 
-def test_the_node_starts(tmp_path):
-    """Others are looked for before the rest is imported; the collector rests only that long.
-
-    The parameters of an axis are told of at once.
-    """
+def test_what_exists_at_the_start_is_frozen_out_of_the_collector(tmp_path):
+    """A full collection would hold up the cycle by milliseconds."""
     file = tmp_path / 'parameters.yaml'
     file.write_text(yaml.dump({'/**': {'ros__parameters': described()}}, Dumper=ros.PlainDumper))
     code = """
 import gc, sys
-from types import SimpleNamespace
 from homing_node.ros import main
-from rcl_interfaces.msg import ParameterEvent
-from rclpy.publisher import Publisher
+from homing_node.ros.node import HomingNode
 
-told = []  # how many new parameters each event tells of
+def start(node, start=HomingNode.start):
+    print(gc.isenabled(), gc.get_freeze_count() > 10_000)
+    start(node)
+    node.stop()
 
-def publish(publisher, message, publish=Publisher.publish):
-    if isinstance(message, ParameterEvent):
-        told.append(len(message.new_parameters))
-    publish(publisher, message)
-
-def create_scout(*arguments, create=main.rclpy_implementation.Node):
-    print(gc.isenabled(), 'homing_node.ros.node' in sys.modules)
-    scout = create(*arguments)
-    print(main.rclpy_implementation.rclpy_get_topic_names_and_types(scout, False),
-          main.rclpy_implementation.rclpy_get_service_names_and_types(scout))
-    from homing_node.ros.node import HomingNode
-
-    def start(node, start=HomingNode.start):
-        from homing_node.parameters.configuration import AXIS_DEFINITIONS
-        print(gc.isenabled(), gc.get_freeze_count() > 10_000, told.count(len(AXIS_DEFINITIONS)))
-        ends = node.get_topic_names_and_types() + node.get_service_names_and_types()
-        print(node.get_node_names(), [name for name, _ in ends if '_homing_node' in name])
-        start(node)
-        node.stop()
-
-    HomingNode.start = start
-    return scout
-
-main.rclpy_implementation = SimpleNamespace(
-    **{**vars(main.rclpy_implementation), 'Node': create_scout})
-Publisher.publish = publish
+HomingNode.start = start
 sys.exit(main.main())
 """
     domain = ros.Domain()
     ended = subprocess.run(
         [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)],
         check=False,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(domain.number)},
+        env={**os.environ, **ros.UDP, 'ROS_DOMAIN_ID': str(domain.number)},
         capture_output=True,
         text=True,
         timeout=ros.PATIENCE,
     )
     domain.release()
     assert ended.returncode == 0, ended.stderr
-    assert ended.stdout == "False False\n[] []\nTrue True 1\n['homing_node'] []\n"
+    assert ended.stdout == 'True True\n'
+
+
+@pytest.mark.parametrize('udp', [{}, ros.UDP], ids=['shared memory', 'UDP'])
+def test_a_warning_of_shared_memory(tmp_path, udp):
+    """One, where the setpoints can be held up by it; the node changes no variable by itself."""
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(yaml.dump({'/**': {'ros__parameters': described()}}, Dumper=ros.PlainDumper))
+    code = """
+import os, sys
+from homing_node.ros import main
+from homing_node.ros.node import HomingNode
+
+before = dict(os.environ)
+
+def start(node, start=HomingNode.start):
+    print(dict(os.environ) == before)
+    start(node)
+    node.stop()
+
+HomingNode.start = start
+sys.exit(main.main())
+"""
+    domain = ros.Domain()
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain.number)}
+    del environment['FASTRTPS_DEFAULT_PROFILES_FILE']
+    ended = subprocess.run(
+        [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)],
+        check=False,
+        env={**environment, **udp},
+        capture_output=True,
+        text=True,
+        timeout=ros.PATIENCE,
+    )
+    domain.release()
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout == 'True\n'
+    assert ended.stderr.count('shared memory of Fast DDS') == (0 if udp else 1)
 
 
 # ------------------------------------------------------------------------------------- the demo

@@ -96,11 +96,11 @@ def test_the_node_stays_until_its_last_report_is_there(monkeypatch, states, paus
 def test_what_changes_is_told_at_once_and_once():
     watched = Watched(1)
     (axis,) = watched.axes.values()
-    watched.reports.note(axis)
-    watched.reports.note(axis)
+    watched.reports.report(axis)
+    watched.reports.report(axis)
     axis.set_servo(False)
-    watched.reports.note(axis)
-    watched.reports.note(axis)
+    watched.reports.report(axis)
+    watched.reports.report(axis)
     watched.reports.run(lambda: True)
     assert [message.error for message in watched.of('states')] == ['NoError', 'ServoOff']
     assert [message.data for message in watched.of('servos')] == [True, False]
@@ -114,7 +114,7 @@ def test_another_home_is_a_change():
     for position in (1.0, 2.0):
         end(axis, Outcome(Error.NoError, '', position, position))
         axis.homed = True
-        watched.reports.note(axis)
+        watched.reports.report(axis)
     watched.reports.run(lambda: True)
     assert [message.home_offset for message in watched.of('states')] == [1.0, 2.0]
 
@@ -139,11 +139,11 @@ def test_the_end_of_a_run_is_logged_once(outcome, level, text):
     watched = Watched(1)
     (axis,) = watched.axes.values()
     axis.outcome = Outcome(Error.NoError)  # a run begins
-    watched.reports.note(axis)
+    watched.reports.report(axis)
     end(axis, outcome)
-    watched.reports.note(axis)
+    watched.reports.report(axis)
     axis.set_servo(False)
-    watched.reports.note(axis)
+    watched.reports.report(axis)
     watched.reports.run(lambda: True)
     assert watched.of('log') == [(level, text)]
 
@@ -153,8 +153,8 @@ def test_a_run_that_ends_as_the_last_one_is_logged_too():
     (axis,) = watched.axes.values()
     for _ in range(2):
         end(axis, Outcome(Error.NoError, '', 1.0, 1.0))
-        assert watched.reports.note(axis)  # else its request would not be answered
-        assert not watched.reports.note(axis)
+        assert watched.reports.report(axis)  # else its request would not be answered
+        assert not watched.reports.report(axis)
     watched.reports.run(lambda: True)
     assert len(watched.of('log')) == 2
 
@@ -171,7 +171,7 @@ def test_what_comes_by_time_always_comes(monkeypatch):
     )
     monkeypatch.setattr(reports, 'STATE_PERIOD', math.inf)
     monkeypatch.setattr(reports, 'DIAGNOSTICS_PERIOD', 1.1e-6)
-    monkeypatch.setattr(reports.convert, 'diagnostics', lambda *_: None)
+    monkeypatch.setattr(reports.messages, 'diagnostics', lambda *_: None)
     watched = Watched(0)
     told = threading.Thread(
         target=watched.reports.run, args=[lambda: len(watched.published) >= 30000], daemon=True

@@ -13,7 +13,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from homing_node.ros.serialized import JointStateReader, TrajectoryWriter
+from homing_node.ros.serialized import (
+    JointStateReader,
+    PlainJointStateReader,
+    PlainTrajectoryWriter,
+    TrajectoryWriter,
+)
 
 NAMES = st.sampled_from(['x', '', 'joint_1', 'жж', 'a name of some more bytes'])
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -33,9 +38,10 @@ def ns(stamp):
         (JointState(), (), ()),
     ],
 )
-def test_positions(message, names, positions):
+@pytest.mark.parametrize('reader', [JointStateReader, PlainJointStateReader])
+def test_positions(reader, message, names, positions):
     message.header.stamp = Time(sec=3, nanosec=5)
-    read = JointStateReader().read(serialize_message(message))
+    read = reader().read(serialize_message(message))
     assert read == (3_000_000_005, names, positions)
 
 
@@ -58,12 +64,13 @@ JOINT_STATES = st.builds(
 @given(st.lists(JOINT_STATES, max_size=6), st.floats(0.0, 1.0))
 def test_joint_states_are_read_as_rclpy_reads_them(messages, part):
     """Whole ones between broken ones, in any order; of a broken one nothing is made up."""
-    reader = JointStateReader()
+    reader, plain = JointStateReader(), PlainJointStateReader()
     for message in messages:
         data = serialize_message(message)
         names = tuple(message.name)
         expected = ns(message.header.stamp), names, tuple(message.position)[: len(names)]
-        assert reader.read(data) == expected
+        assert reader.read(data) == plain.read(data) == expected
+        assert plain.read(data[: int(part * len(data))]) in (None, expected)
         assert reader.read(data[: int(part * len(data))]) in (None, expected)
         assert reader.read(data) == expected
 
@@ -86,7 +93,7 @@ SETPOINTS = st.dictionaries(
 
 @given(st.sampled_from([0.001, 1 / 300, 1.0, 2.5]), st.lists(SETPOINTS, max_size=6))
 def test_trajectories_are_written_as_rclpy_writes_them(period, cycles):
-    writer = TrajectoryWriter(period)
+    writer, plain = TrajectoryWriter(period), PlainTrajectoryWriter(period)
     ahead = Duration(sec=int(period), nanosec=round(period % 1.0 * 1e9))
     for setpoints in cycles:
         positions, velocities, accelerations = zip(*setpoints.values(), strict=True)
@@ -101,6 +108,7 @@ def test_trajectories_are_written_as_rclpy_writes_them(period, cycles):
                 )
             ],
         )
+        assert plain.write(list(setpoints), setpoints.values()) == expected
         data = writer.write(list(setpoints), setpoints.values())
         assert len(data) == len(serialize_message(expected))
         assert deserialize_message(data, JointTrajectory) == expected

@@ -1,35 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Requests from clients to axes: who homes what, and who waits for which answer.
 
-No ROS: the services await an :class:`Answer`, which the cycle gives.
+No ROS: the shell says what a client waits with (a future of its executor, say), and gets back
+those whose wait has ended.
 """
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Generic, TypeVar
 
 from ..procedures.states import Error
 from .axis import Axis
 from .outcome import Outcome
 from .request import Request
 
-
-class Answer:
-    """What a coroutine of the executor awaits; the executor must be woken after :meth:`give`."""
-
-    def __init__(self, given: bool = False) -> None:
-        self.given = given
-
-    def give(self) -> None:
-        self.given = True
-
-    def __await__(self) -> Generator[None, None, None]:
-        while not self.given:
-            yield
+#: What a client waits with.
+Waiter = TypeVar('Waiter')
 
 
-class Dispatch:
+class Dispatch(Generic[Waiter]):
     """The one lock of the axes for all clients: an axis obeys one request at a time.
 
-    ``unready`` tells why an axis cannot home now for a reason that the axis does not know.
+    ``unready`` returns why an axis cannot home now for a reason that the axis does not know, else
+    None. ``new_waiter`` makes what one client waits with.
     """
 
     def __init__(
@@ -37,13 +29,15 @@ class Dispatch:
         axes: Mapping[str, Axis],
         groups: Sequence[Sequence[str]],
         unready: Callable[[str], Outcome | None],
+        new_waiter: Callable[[], Waiter],
     ) -> None:
         self.groups = groups
         self.closed = False
         self._axes = axes
         self._unready = unready
-        self._active: list[tuple[Request, Answer]] = []
-        self._canceling: list[tuple[Sequence[str], Answer]] = []
+        self._new_waiter = new_waiter
+        self._active: list[tuple[Request, Waiter]] = []
+        self._canceling: list[tuple[Sequence[str], Waiter]] = []
 
     @property
     def names(self) -> list[str]:
@@ -69,7 +63,7 @@ class Dispatch:
         request = Request(filter(None, wanted), self._axes, owner, self._unready)
         request.start(now)
         if not request.done:
-            self._active.append((request, Answer()))
+            self._active.append((request, self._new_waiter()))
         return request
 
     def busy(self, name: str) -> Outcome | None:
@@ -84,16 +78,14 @@ class Dispatch:
                 )
         return None
 
-    def answer(self, request: Request) -> Answer:
-        """Return what to await for a request; one that has ended is answered."""
-        return next(
-            (answer for active, answer in self._active if active is request), Answer(given=True)
-        )
+    def waiter(self, request: Request) -> Waiter | None:
+        """Return what to wait with for the end of a request; None if it has ended."""
+        return next((waiter for active, waiter in self._active if active is request), None)
 
-    def cancel(self, names: Sequence[str]) -> tuple[list[str], list[str], Answer]:
-        """Stop some axes; return those that move, those that wait, and what to await.
+    def cancel(self, names: Sequence[str]) -> tuple[list[str], list[str], Waiter | None]:
+        """Stop some axes; return those that move, those that wait, and what to wait with.
 
-        One that waits for its turn will not start.
+        An axis that waits for its turn will not start. None: nothing moves, nothing to wait for.
         """
         moving = [name for name in names if self._axes[name].running]
         waiting = [
@@ -101,10 +93,11 @@ class Dispatch:
         ]
         for request, _ in self._active:
             request.cancel(names)
-        answer = Answer(given=not moving)
-        if moving:
-            self._canceling.append((moving, answer))
-        return moving, waiting, answer
+        if not moving:
+            return moving, waiting, None
+        waiter = self._new_waiter()
+        self._canceling.append((moving, waiter))
+        return moving, waiting, waiter
 
     def close(self) -> None:
         """Cancel everything and refuse what comes."""
@@ -112,19 +105,18 @@ class Dispatch:
         for request, _ in self._active:
             request.cancel(request.names)
 
-    def abandon(self, reason: str) -> None:
-        """Answer everyone now, though the axes are not at rest; no update may follow."""
+    def abandon(self, reason: str) -> list[Waiter]:
+        """End every wait, though the axes are not at rest; no update may follow."""
         self.close()
-        for request, answer in self._active:
+        for request, _ in self._active:
             request.abandon(reason)
-            answer.give()
-        for _, answer in self._canceling:
-            answer.give()
+        ended = [waiter for _, waiter in [*self._active, *self._canceling]]
         self._active.clear()
         self._canceling.clear()
+        return ended
 
-    def update(self, now: float) -> bool:
-        """Follow the axes, once one has changed; return whether an answer was given."""
+    def update(self, now: float) -> list[Waiter]:
+        """Follow the axes, once one has changed; return the waiters whose wait has ended."""
         ended = [entry for entry in self._active if entry[0].update(now)]
         rested = [
             entry
@@ -133,11 +125,9 @@ class Dispatch:
         ]
         for entry in ended:
             self._active.remove(entry)
-            entry[1].give()
         for waiting in rested:
             self._canceling.remove(waiting)
-            waiting[1].give()
-        return bool(ended or rested)
+        return [waiter for _, waiter in [*ended, *rested]]
 
     def _unknown(self, name: str) -> Outcome | None:
         if name in self._axes:

@@ -41,6 +41,8 @@ RESERVED = frozenset(
         'get_parameters',
         'get_type_description',
         'list_parameters',
+        'parameters',
+        'serialized',
         'set_parameters',
         'set_parameters_atomically',
     }
@@ -73,6 +75,12 @@ NODE_DEFINITIONS: Mapping[str, Definition] = table(
         SetpointInterface,
         name='setpoint_interface',
         default=SetpointInterface.trajectory,
+    ),
+    Definition(
+        'read feedback and write trajectories as bytes (false: as messages, slower)',
+        bool,
+        name='serialized',
+        default=True,
     ),
     Definition(
         'groups of axes that home together, in order, e.g. ["z", "x, y"] '
@@ -128,6 +136,7 @@ class Configuration(NamedTuple):
     update_rate: float
     cycle_timeout: float
     setpoint_interface: SetpointInterface
+    serialized: bool
     home_sequence: tuple[tuple[str, ...], ...]
 
     @property
@@ -180,6 +189,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         node['update_rate'],
         node['cycle_timeout'],
         node['setpoint_interface'],
+        node['serialized'],
         sequence,
     )
 

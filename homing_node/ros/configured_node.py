@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node whose parameters are those of configuration.py: declared, checked, given on when set."""
+"""A node that declares, checks and forwards the parameters of configuration.py."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -24,40 +24,54 @@ from ..parameters.configuration import (
 )
 from ..parameters.definition import Definition, InvalidParameters
 from ..procedures.states import Input
-from . import convert
+from . import messages
 
 #: Parameters that take effect at the start only.
-FIXED = ('axes', 'update_rate', 'setpoint_interface', 'joint')
+FIXED = ('axes', 'update_rate', 'setpoint_interface', 'serialized', 'joint')
 
 
 class ConfiguredNode(Node, ABC):
     """Reads, declares and checks the parameters of the homing node.
 
-    ``configuration`` is that of the start; ``faults`` tells of each axis whose parameters, set one
-    by one since then, contradict each other, how. Raises InvalidParameters, with every fault,
-    where the parameters are bad.
+    ``configuration`` is the one at the start. ``faults``: by axis, the contradictions between
+    parameters that were set one by one since then. Raises InvalidParameters, with every fault, if
+    the parameters are bad.
     """
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         try:
-            super().__init__(name, **kwargs)
+            super().__init__(name, automatically_declare_parameters_from_overrides=True, **kwargs)
         except InvalidParameterTypeException as error:  # of what every node has
             raise InvalidParameters([str(error)]) from None
-        overrides = self._parameter_overrides
-        for key, parameter in overrides.items():
-            if parameter.type_ is Parameter.Type.NOT_SET:  # what rcl makes of an empty array
-                overrides[key] = Parameter(key, Parameter.Type.STRING_ARRAY, [])
-        self.configuration = configuration(
-            {key: parameter.value for key, parameter in overrides.items()}
-        )
+        # rcl makes an empty array a parameter without a value.
+        given = {
+            key: [] if parameter.type_ is Parameter.Type.NOT_SET else parameter.value
+            for key, parameter in self.get_parameters_by_prefix('').items()
+        }
+        self.configuration = configuration(given)
         self.faults: dict[str, tuple[str, ...]] = {}
         self._prove(self.configuration)
-        # That of every node is there already.
-        clock = COMMON_DEFINITIONS['use_sim_time']
-        self.set_descriptor(clock.name, convert.descriptor(clock, read_only=True))
-        self._declare(NODE_DEFINITIONS)
+        clock = COMMON_DEFINITIONS['use_sim_time']  # rclpy has declared it already
+        self.set_descriptor(clock.name, messages.descriptor(clock, read_only=True))
+        self._declare(NODE_DEFINITIONS, given)
         for axis in self.configuration.axes:
-            self._declare(AXIS_DEFINITIONS, f'{axis}.')
+            self._declare(AXIS_DEFINITIONS, given, f'{axis}.')
+
+    def declare_parameters(
+        self, namespace: str, parameters: Any, ignore_override: bool = False
+    ) -> list[Parameter]:
+        """Declare parameters with dynamic types.
+
+        rclpy declares the parameters that the user gives by this call, with static types, which
+        an empty array cannot have.
+        """
+        dynamic = [
+            (name, value, *descriptor)
+            if descriptor and descriptor[0].dynamic_typing
+            else (name, value, ParameterDescriptor(dynamic_typing=True))
+            for name, value, *descriptor in parameters
+        ]
+        return super().declare_parameters(namespace, dynamic, ignore_override)
 
     def serve_parameters(self) -> None:
         """Let parameters be set from now on."""
@@ -74,7 +88,7 @@ class ConfiguredNode(Node, ABC):
 
     @abstractmethod
     def in_use(self, axis: str) -> str:
-        """Tell who homes an axis, so that its parameters must stay; '' where nobody does."""
+        """Return who homes an axis, so that its parameters must stay; '' if nobody does."""
 
     @abstractmethod
     def take_axis(self, axis: str, parameters: AxisParameters) -> None:
@@ -95,21 +109,21 @@ class ConfiguredNode(Node, ABC):
             if finding.severity is Severity.warning:
                 self.get_logger().warning(finding.text)
 
-    def _declare(self, specs: Mapping[str, Definition], prefix: str = '') -> None:
-        """Declare parameters, as `declare_parameters` does, but tell of all of them in one event.
-
-        rclpy publishes an event for each, which every ROS node of the graph reads.
-        """
-        given = self._parameter_overrides
-        parameters, descriptors = [], {}
-        for key, spec in specs.items():
+    def _declare(
+        self,
+        definitions: Mapping[str, Definition],
+        given: Mapping[str, object],
+        prefix: str = '',
+    ) -> None:
+        """Declare parameters with what is known of them, and with the values that were given."""
+        declared = []
+        for key, definition in definitions.items():
             name = prefix + key
-            value = convert.plain(spec.initial)
-            kind = Parameter.Type.STRING_ARRAY if isinstance(value, list) else None  # also of []
-            parameters.append(given.get(name) or Parameter(name, kind, value))
-            descriptors[name] = convert.descriptor(spec, read_only=key in FIXED)
-        result = self._set_parameters_atomically_common(parameters, descriptors)
-        assert result.successful, result.reason
+            if self.has_parameter(name):  # without a description until now
+                self.undeclare_parameter(name)
+            value = messages.plain(given.get(name, definition.initial))
+            declared.append((name, value, messages.descriptor(definition, read_only=key in FIXED)))
+        self.declare_parameters('', declared, ignore_override=True)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters; a bad value is answered with its name, value, bound and unit.
@@ -153,7 +167,7 @@ class ConfiguredNode(Node, ABC):
         return SetParametersResult(successful=not faults, reason='; '.join(faults))
 
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
-        """Give on what was set; the axes have it at their next run."""
+        """Forward new values; they take effect at the next run."""
         for parameter in parameters:
             if parameter.name in NODE_DEFINITIONS:
                 self.take(parameter.name, parameter.value)
@@ -165,7 +179,7 @@ class ConfiguredNode(Node, ABC):
                 self.faults[axis] = error.faults
 
     def _values(self, axis: str) -> dict[str, object]:
-        """Return those parameters of an axis that are set, without its topics."""
+        """Return the parameters of an axis that have a value, without its topics."""
         values = {name: self.get_parameter(f'{axis}.{name}').value for name in AXIS_DEFINITIONS}
         return {
             name: value

@@ -4,7 +4,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
-from functools import partial
 from math import isfinite
 from typing import Any
 
@@ -16,48 +15,45 @@ from ..core.outcome import Outcome
 from ..core.stamps import REORDERED, Stamps, too_late
 from ..parameters.definition import InvalidParameters
 from ..procedures.states import LATCHES, Error, Input
-from . import convert
-from .arrivals import Arrivals
-from .serialized import JointStateReader
+from . import messages
+from .polling import Info, Take, taker, waiting
+from .serialized import JointStateReader, PlainJointStateReader
 from .timebase import TimeBase
 
-#: In simulated time an edge is as old as its way took, and it is seen at the next cycle: this many
-#: periods may lie between.
+#: In simulated time an edge is as old as its message's way, and the next cycle sees it: up to this
+#: many periods lie between.
 UNSTAMPED = 2.0
 #: More lists of joints than publishers can have: the oldest one is forgotten.
-MANY_FEEDS = 100
+MANY_LISTS = 100
 
-Info = Mapping[str, int]  # what the middleware tells of a message
-#: (message type, topic, QoS) -> a polled subscription; raises ValueError where there can be none.
+#: (message type, topic, QoS) -> a polled subscription; raises ValueError if there can be none.
 Subscribe = Callable[[Any, str, Any], Any]
-Take = Callable[[], tuple[bytes, Info] | None]  # the next message that has arrived, serialized
 
 
 @dataclass(eq=False)
-class Wire:
-    """One wired input of an axis; ``heard``: its present publisher has told a level."""
+class WiredInput:
+    """One wired input of an axis; ``heard``: its present publisher has sent a level."""
 
     source: Input
     topic: str
-    inverted: bool
     stamps: Stamps
     subscription: Any
     heard: bool = False
     take: Take = field(init=False)
 
     def __post_init__(self) -> None:
-        self.take = _taker(self.subscription)
+        self.take = taker(self.subscription, serialized=True)
 
     @property
     def name(self) -> str:
         return f'{self.source} ({self.subscription.topic_name})'
 
 
-class Feed:
-    """The axes whose joints stand in one list, as one publisher tells them.
+class JointList:
+    """The axes whose joints stand in one list of names, which one publisher sends.
 
-    ``groups``: the axes with the same ``feedback_timeout`` and their places in the list; what they
-    believe of a stamp is the same. ``known``: what each axis last believed by.
+    ``groups``: the axes with the same ``feedback_timeout``, each with its place in the list; they
+    judge a stamp alike. ``known``: the stamps that each axis last judged by.
     """
 
     def __init__(self, places: Sequence[tuple[int, Axis]], known: dict[str, Stamps]) -> None:
@@ -83,9 +79,9 @@ class Feed:
 class Inputs:
     """All inputs of all axes.
 
-    ``feedback_qos`` is the QoS of `joint_states`; ``destroy`` undoes ``subscribe``; ``arrivals``
-    tells of messages of wired inputs; ``hold_up`` tells of a cycle that is so late that the run
-    ends for it, and returns '' for any other.
+    ``feedback_qos`` is the QoS of `joint_states`; ``destroy`` undoes ``subscribe``.
+    ``late_cycle(late)`` returns the message of CycleLate if a cycle so late (s) ends a run, else
+    ''. ``serialized``: read joint states from their bytes (serialized.py).
     """
 
     def __init__(
@@ -96,89 +92,86 @@ class Inputs:
         subscribe: Subscribe,
         destroy: Callable[[Any], object],
         feedback_qos: Any,
-        arrivals: Arrivals,
-        hold_up: Callable[[float], str],
+        late_cycle: Callable[[float], str],
+        serialized: bool = True,
     ) -> None:
         self._axes = axes
         self._clock = clock
         self._subscribe, self._destroy = subscribe, destroy
-        self._arrivals = arrivals
-        self._hold_up = hold_up
+        self._late_cycle = late_cycle
         self._by_joint = {joint: axes[axis] for axis, joint in joints.items()}
-        self._feeds: dict[tuple[str, ...], Feed] = {}  # by the names of a message
-        self._names: tuple[str, ...] = ()  # of the last message, and their feed
-        self._feed = Feed([], {})
-        self._feedback_stamps: dict[str, Stamps] = {}  # of each axis, as last believed
-        self._reader = JointStateReader()
-        self._next_feedback = _taker(subscribe(JointState, 'joint_states', feedback_qos))
-        self._next_emergency_stop = _taker(subscribe(Bool, '~/emergency_stop', 10))
-        self._wires: dict[str, list[Wire]] = {name: [] for name in axes}
+        self._lists: dict[tuple[str, ...], JointList] = {}  # by the names of a message
+        self._names: tuple[str, ...] = ()  # of the last message, and their list
+        self._list = JointList([], {})
+        self._feedback_stamps: dict[str, Stamps] = {}  # of each axis, as last judged
+        self._reader = JointStateReader() if serialized else PlainJointStateReader()
+        self._next_feedback = taker(subscribe(JointState, 'joint_states', feedback_qos), True)
+        self._next_emergency_stop = taker(subscribe(Bool, '~/emergency_stop', 10), True)
+        self._wired: dict[str, list[WiredInput]] = {name: [] for name in axes}
+        self._all: list[tuple[Axis, WiredInput]] = []
 
     def wire(self, name: str, topics: Mapping[Input, str]) -> None:
-        """Subscribe to the inputs that an axis's parameters name; '' is the input's own topic.
+        """Subscribe to the inputs that an axis's parameters name.
 
-        What stays as it is keeps its subscription: nothing it says is missed. Raises
-        InvalidParameters, and changes nothing, where a topic cannot be subscribed to.
+        An input whose topic has not changed keeps its subscription: no message of it is missed.
+
+        Args:
+            name: The axis.
+            topics: The topics of its inputs; '' or no entry: the input's own topic.
+
+        Raises:
+            InvalidParameters: A topic cannot be subscribed to; nothing has changed then.
         """
         p = self._axes[name].parameters
-        wanted = {
-            source: (topics.get(source) or f'~/{name}/{source}', p.inverted(source))
-            for source in p.inputs
-        }
-        old = self._wires[name]
-        wires = {
-            wire.source: wire
-            for wire in old
-            if wanted.get(wire.source) == (wire.topic, wire.inverted)
-        }
+        wanted = {source: topics.get(source) or f'~/{name}/{source}' for source in p.inputs}
+        old = self._wired[name]
+        wired = {one.source: one for one in old if wanted.get(one.source) == one.topic}
         faults = []
-        for source, (topic, inverted) in wanted.items():
-            if source in wires:
+        for source, topic in wanted.items():
+            if source in wired:
                 continue
             try:
-                wires[source] = self._connect(source, topic, inverted)
+                wired[source] = self._connect(source, topic)
             except ValueError as error:
                 faults.append(f'{name}.topics.{source}: {error}')
-        self._wires[name] = old if faults else [wires[source] for source in wanted]
-        for wire in {*old, *wires.values()}.difference(self._wires[name]):
-            self._destroy(wire.subscription)
+        self._wired[name] = old if faults else [wired[source] for source in wanted]
+        for one in {*old, *wired.values()}.difference(self._wired[name]):
+            self._destroy(one.subscription)
         if faults:
             raise InvalidParameters(faults)
-        for wire in self._wires[name]:
-            wire.stamps.limit = p.feedback_timeout
-        for feed in self._feeds.values():
-            feed.regroup()
+        for one in self._wired[name]:
+            one.stamps.limit = p.feedback_timeout
+        for joints in self._lists.values():
+            joints.regroup()
+        self._all = [(self._axes[axis], one) for axis, all_ in self._wired.items() for one in all_]
 
-    def _connect(self, source: Input, topic: str, inverted: bool) -> Wire:
+    def _connect(self, source: Input, topic: str) -> WiredInput:
         kind = Float64 if source in LATCHES else Bool
         depth = 10 if source is Input.SERVO_ENABLED else 100
-        subscription = self._subscribe(kind, topic, depth)
-        self._arrivals.watch(subscription)
-        return Wire(source, topic, inverted, Stamps(0.0), subscription)
+        return WiredInput(source, topic, Stamps(0.0), self._subscribe(kind, topic, depth))
 
     def poll(self) -> None:
-        """Give every message that has arrived to its axis, the feedback last."""
+        """Give the messages that have arrived to their axes, the feedback last."""
         self._clock.relate()
-        if self._arrivals.pending():
-            for name, wires in self._wires.items():
-                for wire in wires:
-                    while (taken := wire.take()) is not None:
-                        self._take(self._axes[name], wire, *taken)
-        while (taken := self._next_emergency_stop()) is not None:
-            self._take_emergency_stop(*taken)
-        while (taken := self._next_feedback()) is not None:
-            self._take_feedback(*taken)
+        for axis, one in self._all:
+            for data, info in waiting(one.take):
+                self._take(axis, one, data, info)
+        for data, info in waiting(self._next_emergency_stop):
+            self._take_emergency_stop(data, info)
+        for data, info in waiting(self._next_feedback):
+            self._take_feedback(data, info)
 
     def unready(self, name: str, publishers_of: Callable[[str], list[str]]) -> Outcome | None:
-        """Return why an axis's topics forbid a run: too many publishers, or what is not heard.
+        """Return why an axis's topics forbid a run, else None.
 
-        ``publishers_of`` names the nodes that publish a topic.
+        A switch has two publishers, or none, or has not been heard. ``publishers_of`` returns the
+        names of the nodes that publish a topic.
         """
         unpublished, unheard = [], []
-        for wire in self._wires[name]:
-            publishers = wire.subscription.get_publisher_count()
+        for one in self._wired[name]:
+            publishers = one.subscription.get_publisher_count()
             if publishers > 1:
-                topic = wire.subscription.topic_name
+                topic = one.subscription.topic_name
                 nodes = ', '.join(publishers_of(topic))
                 return Outcome(
                     Error.PublisherConflict,
@@ -188,9 +181,9 @@ class Inputs:
                     ),
                 )
             if publishers == 0:
-                unpublished.append(wire.name)
-            elif not wire.heard and wire.source not in LATCHES:
-                unheard.append(wire.name)
+                unpublished.append(one.name)
+            elif not one.heard and one.source not in LATCHES:
+                unheard.append(one.name)
         if unpublished:
             return Outcome(
                 Error.SwitchUnknown, f'axis {name}: nobody publishes {", ".join(unpublished)}'
@@ -202,27 +195,23 @@ class Inputs:
         return None
 
     def watch(self) -> None:
-        """Note which inputs have lost their publisher: that ends a run of their axis.
-
-        The next poll looks at all inputs, told of messages or not.
-        """
-        self._arrivals.expect()
+        """Note which inputs have lost their publisher: that ends a run of their axis."""
         for name, axis in self._axes.items():
-            for wire in self._wires[name]:
-                if wire.subscription.get_publisher_count() == 0:
-                    wire.heard = False  # whoever comes next has to tell the level
+            for one in self._wired[name]:
+                if one.subscription.get_publisher_count() == 0:
+                    one.heard = False  # a new publisher must send its level first
                     if axis.running:
-                        axis.stop(Error.SwitchStale, f'{wire.name} lost its publisher')
+                        axis.stop(Error.SwitchStale, f'{one.name} lost its publisher')
 
-    def _take(self, axis: Axis, wire: Wire, data: bytes, info: Info) -> None:
+    def _take(self, axis: Axis, one: WiredInput, data: bytes, info: Info) -> None:
         """Give a message of an input to the axis."""
-        value = convert.data_of(data, wire.subscription.msg_type)
+        value = messages.data_of(data, one.subscription.msg_type)
         if value is None:
             return
-        wire.heard = True
-        if wire.source in LATCHES:
-            axis.latch(wire.source, value)
-        elif wire.source is Input.SERVO_ENABLED:
+        one.heard = True
+        if one.source in LATCHES:
+            axis.latch(one.source, value)
+        elif one.source is Input.SERVO_ENABLED:
             axis.enable(bool(value))
         else:
             clock = self._clock
@@ -231,19 +220,19 @@ class Inputs:
             if not clock.simulated:
                 arrival = min(arrival, clock.time_of(info['received_timestamp']))
                 stamp = clock.time_of(info['source_timestamp'])
-            found = wire.stamps.believe(stamp, arrival)
+            found = one.stamps.believe(stamp, arrival)
             if found is not None:
                 time, doubt = found
-                if wire.stamps.late:
-                    self._stop(axis, Error.SwitchStale, too_late(wire.name, wire.stamps))
+                if one.stamps.late:
+                    self._stop(axis, Error.SwitchStale, too_late(one.name, one.stamps))
                 if doubt:
-                    axis.warn(f'{wire.name}: {wire.stamps.warning}')
+                    axis.warn(f'{one.name}: {one.stamps.warning}')
                 elif clock.simulated:
                     doubt = UNSTAMPED * axis.period
-                axis.switch(wire.source, time, bool(value), arrival, doubt)
+                axis.switch(one.source, time, bool(value), arrival, doubt)
 
     def _take_emergency_stop(self, data: bytes, _: Info) -> None:
-        value = convert.data_of(data, Bool)
+        value = messages.data_of(data, Bool)
         for axis in self._axes.values():
             axis.set_emergency_stop(value is not False)  # what cannot be read is no all-clear
 
@@ -261,9 +250,9 @@ class Inputs:
         if sampled:
             stamp = clock.time_of(sampled)
         if names is not self._names:
-            self._names, self._feed = names, self._feed_of(names)
+            self._names, self._list = names, self._list_of(names)
         known = len(positions)
-        for stamps, places in self._feed.groups:
+        for stamps, places in self._list.groups:
             found = stamps.believe(stamp, arrival, sent)
             if found is None:
                 continue
@@ -277,17 +266,17 @@ class Inputs:
                         axis.warn(f'joint_states: {stamps.warning}')
 
     def _stop(self, axis: Axis, error: Error, text: str) -> None:
-        """End a run for a message that was too late, or for what made it late: our own hold-up."""
-        hold_up = self._hold_up(self._clock.elapsed)
-        axis.stop(Error.CycleLate if hold_up else error, hold_up or text)
+        """End a run for a message that was too late, or for the late cycle that made it late."""
+        late_cycle = self._late_cycle(self._clock.elapsed)
+        axis.stop(Error.CycleLate if late_cycle else error, late_cycle or text)
 
-    def _feed_of(self, names: tuple[str, ...]) -> Feed:
-        """Return the feed of a list of joints, which may be met for the first time."""
-        if names in self._feeds:
-            return self._feeds[names]
-        if len(self._feeds) >= MANY_FEEDS:
-            del self._feeds[next(iter(self._feeds))]
-        feed = self._feeds[names] = Feed(
+    def _list_of(self, names: tuple[str, ...]) -> JointList:
+        """Return the list of joints with these names, which may be new."""
+        if names in self._lists:
+            return self._lists[names]
+        if len(self._lists) >= MANY_LISTS:
+            del self._lists[next(iter(self._lists))]
+        joints = self._lists[names] = JointList(
             [
                 (place, self._by_joint[name])
                 for place, name in enumerate(names)
@@ -295,9 +284,4 @@ class Inputs:
             ],
             self._feedback_stamps,
         )
-        return feed
-
-
-def _taker(subscription: Any) -> Take:
-    """Return what takes a subscription's next message; serialized, which costs half if none is."""
-    return partial(subscription.handle.take_message, subscription.msg_type, True)
+        return joints

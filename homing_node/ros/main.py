@@ -1,34 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process of the homing node: its start, its executor, its end.
-
-Python's collector rests until all is there: a start leaves next to no garbage, and looking for
-some took a tenth of it. The rest of the package is imported while the middleware finds the others.
-"""
+"""The process of the homing node: its start, its executor, its end."""
 
 import gc
-
-gc.disable()
-
 import os
 import signal
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from ..parameters.definition import InvalidParameters
-from .transport import choose_udp
+from .middleware import shared_memory_hazard
+from .node import HomingNode
 
-if TYPE_CHECKING:
-    from .node import HomingNode
-
-#: How long the last answers may take to leave after the axes have stopped, s.
+#: Longest wait for the last answers to leave after the axes have stopped, s.
 FAREWELL = 1.0
+#: The executor goes on for this long after the last answer: rclpy sends the result of an action
+#: a few callbacks later, s.
+LAST_RESULT = 0.05
 
 
 def _signal_pipe() -> int:
@@ -44,28 +36,18 @@ def _signal_pipe() -> int:
     return reader
 
 
-def _create_node() -> 'HomingNode':
-    """Return the homing node; raises InvalidParameters.
-
-    The middleware begins to look for others with the first node of a process and has found them
-    0.1 to 0.3 s later. So a hidden one comes first, and ours is imported meanwhile. Unlike rclpy's
-    own nodes it has no publisher and no service: others could miss ours because those were gone.
-    """
-    context = rclpy.get_default_context().handle
-    with context:
-        scout = rclpy_implementation.Node('_homing_node', '/', context, None, False, False)
-    try:
-        from .node import HomingNode
-
-        return HomingNode()
-    finally:
-        scout.destroy_when_not_in_use()
+def _send_last_answers(node: HomingNode, executor: SingleThreadedExecutor) -> None:
+    """Let the executor answer the requests that have ended with the node."""
+    begun = last = time.monotonic()
+    while (now := time.monotonic()) < min(last + LAST_RESULT, begun + FAREWELL):
+        executor.spin_once(timeout_sec=0.01)
+        if node.servers.open:
+            last = now
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; return the exit status."""
     signaled = _signal_pipe()
-    choose_udp(os.environ, rclpy.get_rmw_implementation_identifier())
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl cannot read a parameter file
@@ -73,7 +55,7 @@ def main(args: list[str] | None = None) -> int:
         print(f'homing_node: {error}{hint if "bool" in str(error) else ""}', file=sys.stderr)
         return 1
     try:
-        node = _create_node()
+        node = HomingNode()
     except InvalidParameters as error:
         print(
             'homing_node: the parameters are not valid:',
@@ -82,10 +64,12 @@ def main(args: list[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 1
+    hazard = shared_memory_hazard(os.environ, rclpy.get_rmw_implementation_identifier())
+    if hazard:
+        node.get_logger().warning(hazard)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     gc.freeze()  # what is there now stays: a full collection need not look at it (15 ms)
-    gc.enable()
     node.start()
 
     def wait_for_signal() -> None:
@@ -98,9 +82,7 @@ def main(args: list[str] | None = None) -> int:
             executor.spin_once()
         except Exception as error:  # of one callback: the axes and the other clients go on
             node.get_logger().error(f'a callback broke: {error!r}')
-    until = time.monotonic() + FAREWELL
-    while executor._tasks and time.monotonic() < until:
-        executor.spin_once(timeout_sec=0.01)
+    _send_last_answers(node, executor)
     node.join()
     gc.unfreeze()
     node.destroy_node()

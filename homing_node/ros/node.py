@@ -2,42 +2,42 @@
 """The homing node: topics, services and parameters around the axes.
 
 Three threads. The *cycle* polls the inputs, updates the axes and publishes setpoints on a fixed
-grid. The *executor* (the main thread) answers services and parameters. The *reports* publish what
-others watch. ``_lock`` guards the axes; nothing is published or waited for while it is held.
+grid. The *executor* (the main thread) answers services and parameters. The *reports* publish all
+that is not a setpoint. ``_lock`` guards the axes; nothing is published or waited for while it is
+held.
 """
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionServer, CancelResponse
-from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64, Float64MultiArray
+from std_msgs.msg import Bool, Float64
 from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import JointTrajectory
 
-from ..core.axis import Axis, Setpoint
+from ..core.axis import Axis
 from ..core.dispatch import Dispatch
 from ..core.outcome import Outcome
 from ..parameters.axis import AxisParameters
-from ..parameters.configuration import SetpointInterface, home_sequence
+from ..parameters.configuration import home_sequence
 from ..parameters.qos import POLICIES
 from ..procedures.states import Error
-from . import convert
-from .arrivals import Arrivals
 from .configured_node import ConfiguredNode
 from .inputs import Inputs
+from .polling import Polled, never_called
 from .reports import Publishers, Reports
-from .serialized import TrajectoryWriter
 from .services import Services
+from .setpoints import INTERFACES
 from .timebase import Lead, TimeBase, wake_precisely
 
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -53,19 +53,6 @@ def latched(depth: int) -> QoSProfile:
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class Polled(CallbackGroup):
-    """Keeps subscriptions from the executor: the cycle polls them (a tenth of the load)."""
-
-    def can_execute(self, entity: object) -> bool:
-        return False
-
-    def beginning_execution(self, entity: object) -> bool:
-        return False
-
-    def ending_execution(self, entity: object) -> None:
-        pass
-
-
 class HomingNode(ConfiguredNode):
     """Homes the axes that its parameters describe; doc/ros_interface.md is its contract.
 
@@ -77,13 +64,10 @@ class HomingNode(ConfiguredNode):
         checked = self.configuration
         self._period = 1.0 / checked.update_rate
         self._cycle_timeout = checked.cycle_timeout
-        self._by_trajectory = checked.setpoint_interface is SetpointInterface.trajectory
         self._joints = checked.joints
         self._axes = {
             name: Axis(name, parameters, self._period) for name, parameters in checked.axes.items()
         }
-        self._writer = TrajectoryWriter(self._period)
-        self._commands: dict[str, float] = {}  # of all axes while requests are active
         self._watched = 0.0
         self._lead = Lead(self._period)
         self._stop_requested = False
@@ -100,7 +84,7 @@ class HomingNode(ConfiguredNode):
                 return self.create_subscription(
                     kind,
                     topic,
-                    _never_called,
+                    never_called,
                     qos,
                     callback_group=polled,
                     qos_overriding_options=OVERRIDABLE,
@@ -116,33 +100,39 @@ class HomingNode(ConfiguredNode):
             subscribe,
             self.destroy_subscription,
             BEST_EFFORT,
-            Arrivals(),
-            self._hold_up,
+            self._late_cycle,
+            checked.serialized,
         )
         for name in self._axes:
             self._inputs.wire(name, self.topics_of(name))
-        self._dispatch = Dispatch(self._axes, checked.home_sequence, self._unready)
+        self._dispatch: Dispatch[Future] = Dispatch(
+            self._axes, checked.home_sequence, self._unready, self._new_future
+        )
+        self._setpoints = INTERFACES[checked.setpoint_interface](
+            self._axes, self._joints, self._period, self._create_setpoints, checked.serialized
+        )
         self._create_publishers()
         self._create_services()
         self.serve_parameters()
 
     # ---------------------------------------------------------------------------------- creation
 
-    def _create_publishers(self) -> None:
-        self._trajectory = self.create_publisher(
-            JointTrajectory, '~/setpoints', 1, qos_overriding_options=OVERRIDABLE
-        )
-        self._position_commands = self.create_publisher(
-            Float64MultiArray, '~/position_commands', 1, qos_overriding_options=OVERRIDABLE
-        )
+    def _create_setpoints(self, kind: Any, topic: str) -> Any:
+        """Create the publisher of a setpoint interface."""
+        return self.create_publisher(kind, topic, 1, qos_overriding_options=OVERRIDABLE)
 
+    def _new_future(self) -> Future:
+        """Return what a request waits with; `_end_waits` sets it."""
+        return Future(executor=self.executor)
+
+    def _create_publishers(self) -> None:
         def per_axis(kind: Any, name: str, qos: Any) -> dict[str, Any]:
             return {
                 axis: self.create_publisher(kind, f'~/{axis}/{name}', qos) for axis in self._axes
             }
 
         publishers = Publishers(
-            states=per_axis(AxisState, 'state', latched(10)),
+            states=per_axis(AxisState, 'state', latched(1)),
             servos=per_axis(Bool, 'servo_on', latched(1)),
             torque_limits=per_axis(Float64, 'torque_limit', latched(1)),
             joint_states=self.create_publisher(JointState, '~/joint_states', 10),
@@ -154,13 +144,13 @@ class HomingNode(ConfiguredNode):
             publishers,
             self._ros_time,
             self._lock,
-            self.get_name(),
+            self.get_fully_qualified_name(),
             self.get_logger(),
         )
 
     def _create_services(self) -> None:
         group = ReentrantCallbackGroup()
-        services = Services(
+        services = self.servers = Services(
             self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll
         )
 
@@ -194,11 +184,7 @@ class HomingNode(ConfiguredNode):
             return Outcome(
                 Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard, or is at 0'
             )
-        if not self._by_trajectory:  # every axis is told a position, also one that only rests
-            for axis in self._axes.values():
-                if not axis.known:
-                    return Outcome(Error.FeedbackStale, f'axis {axis.name}: no feedback yet')
-        return self._inputs.unready(name, self._publishers_of)
+        return self._setpoints.unready() or self._inputs.unready(name, self._publishers_of)
 
     def _publishers_of(self, topic: str) -> list[str]:
         return sorted(
@@ -277,7 +263,7 @@ class HomingNode(ConfiguredNode):
 
         with self._lock:
             for axis in self._axes.values():
-                self._reports.note(axis)
+                self._reports.report(axis)
         clock.sleep_until(FIRST_INSTANT, hopeless)
         due = clock.read()
         while not ended():
@@ -288,19 +274,19 @@ class HomingNode(ConfiguredNode):
                 self._abandon()
                 return
             late = clock.read() - begin
-            hold_up = self._hold_up(late)
-            if hold_up:
+            late_cycle = self._late_cycle(late)
+            if late_cycle:
                 with self._lock:
                     for axis in self._axes.values():
-                        axis.held_up(clock.now - self._cycle_timeout, hold_up)
+                        axis.held_up(clock.now - self._cycle_timeout, late_cycle)
             elif late < -self._period:
                 self._set_back(-late)
             if abs(late) >= self._period:
                 due = clock.now + self._lead.time  # what was missed is not made up for
             self._cycle(clock.now, due)
 
-    def _hold_up(self, late: float) -> str:
-        """Tell of a cycle that was late, s; '' where that is within the bound."""
+    def _late_cycle(self, late: float) -> str:
+        """Return the message of CycleLate if a cycle was too late, else ''; ``late`` in s."""
         limit = self._cycle_timeout
         return (
             ''
@@ -322,38 +308,24 @@ class HomingNode(ConfiguredNode):
                 setpoint = axis.update(now)
                 if setpoint is not None:
                     setpoints[name] = setpoint
-                changed = self._reports.note(axis) or changed
-            answered = changed and self._dispatch.update(now)
-            idle = self._dispatch.idle
-            finished = idle and self._dispatch.closed
-        if setpoints:
+                changed = self._reports.report(axis) or changed
+            ended = self._dispatch.update(now) if changed else []
+            finished = self._dispatch.closed and self._dispatch.idle
+            message = self._setpoints.message(setpoints)
+        if message is not None:
             if not self._timebase.simulated:
                 self._lead.learn(time.monotonic() > due)
-            self._publish(setpoints)
-        if idle:
-            self._commands.clear()
+            self._setpoints.publish(message)
+        if ended:
+            self._reports.afterwards(self._end_waits, ended)
         if finished:
             self._finish()
-        elif answered:
-            self._wake()
-
-    def _publish(self, setpoints: Mapping[str, Setpoint]) -> None:
-        if self._by_trajectory:
-            joints = [self._joints[name] for name in setpoints]
-            self._trajectory.publish(self._writer.write(joints, setpoints.values()))
-            return
-        for name, axis in self._axes.items():
-            if name in setpoints:
-                self._commands[name], _, _ = setpoints[name]
-            elif name not in self._commands:
-                self._commands[name] = axis.hold_position
-        commands = [self._commands[name] for name in self._axes]
-        self._position_commands.publish(convert.position_commands(commands))
 
     def _abandon(self) -> None:
         """End although axes may not be at rest: where time stands still nothing can stop."""
         with self._lock:
-            self._dispatch.abandon('the node ended while simulated time stood still')
+            ended = self._dispatch.abandon('the node ended while simulated time stood still')
+        self._reports.afterwards(self._end_waits, ended)
         self._finish()
 
     def _set_back(self, step: float) -> None:
@@ -370,10 +342,16 @@ class HomingNode(ConfiguredNode):
         self._wake()
 
     def _wake(self) -> None:
-        """Let the executor look at the services that wait for an answer."""
+        """Let the executor look whether the node has finished."""
         if self.executor is not None:
-            self.executor.create_task(_never_called)
+            self.executor.create_task(never_called)
 
+    def _end_waits(self, futures: Sequence[Future]) -> None:
+        """Let the executor set the futures of requests that have ended."""
 
-def _never_called(*_: object) -> None:
-    """Stand where rclpy wants a callback: polled subscriptions have none, waking needs none."""
+        def end() -> None:
+            for future in futures:
+                future.set_result(None)
+
+        if self.executor is not None:
+            self.executor.create_task(end)

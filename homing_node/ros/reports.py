@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What others watch of the axes: states, the wanted servo, homed joints, diagnostics, the log.
+"""Publishes axis states, the wanted servo, homed joints and diagnostics; logs how runs end.
 
-The cycle queues, a thread of its own publishes: a slow reader never delays a setpoint.
+The cycle queues, a thread of its own publishes: a slow reader never delays a setpoint. What must
+come after a report (the answer to a request) goes through the same queue.
 """
 
 import math
@@ -18,18 +19,27 @@ from std_msgs.msg import Bool, Float64
 from ..core.axis import Axis
 from ..core.outcome import Outcome
 from ..procedures.states import Error
-from . import convert
+from . import messages
 
-#: Periods of what comes by time, s: of each axis's state while it homes, and of the feedback to
-#: a goal; of the homed joint states; of the diagnostics.
+#: Period of each axis's state while it homes, and of the feedback to a goal, s.
 STATE_PERIOD = 0.1
+#: More states than these do not leave at once, so that the cycle never waits long for the lock.
 STATES_AT_ONCE = 8
+#: Periods of the homed joint states and of the diagnostics, s.
 JOINT_STATES_PERIOD = 0.02
 DIAGNOSTICS_PERIOD = 1.0
 #: How long the node stays after its last report, s.
 LINGER = 0.1
 
-Publish = Callable[[Any], None]
+#: A publisher's method and its message, or the like.
+Report = tuple[Callable[[Any], object], Any]
+
+
+class Afterwards(NamedTuple):
+    """An action in the queue of reports, which happens even if publishing has broken."""
+
+    action: Callable[[Any], object]
+    argument: Any
 
 
 class Publishers(NamedTuple):
@@ -42,13 +52,17 @@ class Publishers(NamedTuple):
     diagnostics: Any
 
 
-class Told:
-    """What was told of an axis: ``shown`` in all, the runs logged, the state, the outputs."""
+class LastReport:
+    """What was last reported of an axis.
 
-    __slots__ = ('shown', 'runs', 'state', 'outputs')
+    ``changes`` is `Axis.shown` at that time, ``runs`` the number of runs logged, ``state`` and
+    ``outputs`` what the messages said.
+    """
+
+    __slots__ = ('changes', 'runs', 'state', 'outputs')
 
     def __init__(self) -> None:
-        self.shown: tuple[object, ...] = ()
+        self.changes: tuple[object, ...] = ()
         self.runs = 0
         self.state: tuple[object, ...] = ()
         self.outputs: tuple[bool, float] | None = None
@@ -57,7 +71,8 @@ class Told:
 class Reports:
     """Publishes every change of an axis, and what is due by time; logs how each run ended.
 
-    ``stamp`` returns the ROS time in ns; ``lock`` guards the axes.
+    ``stamp`` returns the ROS time in ns; ``lock`` guards the axes; ``node_name`` is the fully
+    qualified one.
     """
 
     def __init__(
@@ -74,41 +89,58 @@ class Reports:
         self._to = publishers
         self._stamp, self._lock, self._node_name, self._logger = stamp, lock, node_name, logger
         # No SimpleQueue: until Python 3.13 a short wait for nothing may never end there.
-        self._queue: Queue[tuple[Publish, Any]] = Queue()
-        self._told = {name: Told() for name in axes}
+        self._queue: Queue[Report | Afterwards] = Queue()
+        self._last = {name: LastReport() for name in axes}
         self._turn = 0  # the next of the running axes
         self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
+        self._gate = threading.Lock()  # of `_over`
+        self._over = False  # nothing is published any more
 
-    def note(self, axis: Axis) -> bool:
+    def report(self, axis: Axis) -> bool:
         """Queue what has changed of an axis, and how its run ended; the lock is held.
 
-        Return whether anything has changed: the end of a run always has.
+        Returns:
+            Whether anything has changed. The end of a run is always a change.
         """
-        told, shown = self._told[axis.name], axis.shown
-        if told.shown == shown:
+        last, changes = self._last[axis.name], axis.shown
+        if last.changes == changes:
             return False
-        told.shown = shown
+        last.changes = changes
         name, put = axis.name, self._queue.put
-        if told.runs != axis.history.runs:
-            told.runs = axis.history.runs
+        if last.runs != axis.history.runs:
+            last.runs = axis.history.runs
             put((partial(self._log, name), axis.outcome))
         state = (axis.state, axis.paused, axis.homed, axis.error, axis.outcome)
-        if told.state != state:
-            told.state = state
-            put((self._to.states[name].publish, convert.axis_state(self._stamp(), axis)))
+        if last.state != state:
+            last.state = state
+            put((self._to.states[name].publish, messages.axis_state(self._stamp(), axis)))
         outputs = (axis.servo_on, axis.torque_limit)
-        if told.outputs != outputs:
-            told.outputs = outputs
+        if last.outputs != outputs:
+            last.outputs = outputs
             put((self._to.servos[name].publish, Bool(data=bool(outputs[0]))))
             put((self._to.torque_limits[name].publish, Float64(data=outputs[1])))
         return True
 
+    def afterwards(self, action: Callable[[Any], object], argument: Any) -> None:
+        """Call an action once all that is queued now has been published, in that thread."""
+        with self._gate:
+            if not self._over:
+                self._queue.put(Afterwards(action, argument))
+                return
+        action(argument)
+
     def run(self, ended: Callable[[], bool]) -> None:
         """Publish until the node has ended and all that was queued is out.
 
-        Listeners drop what they have not read when they hear of our end: that waits a little.
+        Then wait a little: subscribers drop unread messages of a publisher that is gone.
         """
-        told = -LINGER
+        try:
+            self._publish_until(ended)
+        finally:
+            self._leave()
+
+    def _publish_until(self, ended: Callable[[], bool]) -> None:
+        last = -LINGER  # the time of the last message
         timetable = dict.fromkeys(
             (self._next_states, self._feedback, self._joint_states, self._diagnostics),
             time.monotonic(),
@@ -118,15 +150,28 @@ class Reports:
             try:
                 publish, message = self._queue.get(timeout=max(0.0, due - time.monotonic()))
                 publish(message)
-                told = time.monotonic()
+                last = time.monotonic()
             except Empty:
                 with self._lock:  # behind what the cycle has queued: states leave in their order
                     pause = report()
+                # A late report is timed anew; it does not catch up in a burst.
                 timetable[report] = max(due, time.monotonic() - pause) + pause
-        time.sleep(max(0.0, told + LINGER - time.monotonic()))
+        time.sleep(max(0.0, last + LINGER - time.monotonic()))
+
+    def _leave(self) -> None:
+        """Let the actions that still wait happen, where the thread broke before them."""
+        with self._gate:
+            self._over = True
+        while True:
+            try:
+                item = self._queue.get_nowait()
+            except Empty:
+                return
+            if isinstance(item, Afterwards):
+                item.action(item.argument)
 
     def follow(self, goal: Any, names: Sequence[str]) -> None:
-        """Send a goal of the action feedback about its axes."""
+        """Send a goal of the action feedback about its axes from now on."""
         with self._lock:
             self._goals[bytes(goal.goal_id.uuid)] = (
                 goal,
@@ -134,7 +179,7 @@ class Reports:
             )
 
     def unfollow(self, goal: Any) -> None:
-        """Send a goal no more."""
+        """Send a goal no more feedback."""
         with self._lock:
             self._goals.pop(bytes(goal.goal_id.uuid), None)
 
@@ -142,12 +187,12 @@ class Reports:
         """Return the state messages of those axes that exist; the lock is held."""
         stamp = self._stamp()
         return [
-            convert.axis_state(stamp, self._axes[name]) for name in names if name in self._axes
+            messages.axis_state(stamp, self._axes[name]) for name in names if name in self._axes
         ]
 
     def _log(self, name: str, outcome: Outcome) -> None:
         """Log how a run of an axis ended; rclpy wants a line of its own for each level."""
-        text = convert.home_message({name: outcome})
+        text = messages.home_message({name: outcome})
         if outcome.success:
             self._logger.info(f'axis {name}: {text}')
         elif outcome.error is Error.Canceled:
@@ -155,10 +200,10 @@ class Reports:
         else:
             self._logger.error(text)
 
-    # ------------------------ what comes by time: queue it, return when it comes again; lock held
+    # ---------- reports by time: queue them, return the time until the next, s; the lock is held
 
     def _next_states(self) -> float:
-        """Tell the states of a few axes; they take turns, so that the cycle never waits long."""
+        """Queue the states of a few axes that home; they take turns."""
         running = [axis for axis in self._axes.values() if axis.running]
         if not running:
             return STATE_PERIOD
@@ -166,7 +211,7 @@ class Reports:
             self._turn = 0
         for axis in running[self._turn : self._turn + STATES_AT_ONCE]:
             self._queue.put(
-                (self._to.states[axis.name].publish, convert.axis_state(self._stamp(), axis))
+                (self._to.states[axis.name].publish, messages.axis_state(self._stamp(), axis))
             )
         self._turn += STATES_AT_ONCE
         return STATE_PERIOD / math.ceil(len(running) / STATES_AT_ONCE)
@@ -174,7 +219,7 @@ class Reports:
     def _feedback(self) -> float:
         stamp = self._stamp()
         for goal, axes in self._goals.values():
-            self._queue.put((goal.publish_feedback, convert.feedback(stamp, axes)))
+            self._queue.put((goal.publish_feedback, messages.feedback(stamp, axes)))
         return STATE_PERIOD
 
     def _joint_states(self) -> float:
@@ -184,7 +229,7 @@ class Reports:
         if not homed:
             return STATE_PERIOD
         self._queue.put(
-            (self._to.joint_states.publish, convert.joint_states(self._stamp(), homed))
+            (self._to.joint_states.publish, messages.joint_states(self._stamp(), homed))
         )
         return JOINT_STATES_PERIOD
 
@@ -192,7 +237,7 @@ class Reports:
         self._queue.put(
             (
                 self._to.diagnostics.publish,
-                convert.diagnostics(self._stamp(), self._node_name, self._axes.values()),
+                messages.diagnostics(self._stamp(), self._node_name, self._axes.values()),
             )
         )
         return DIAGNOSTICS_PERIOD

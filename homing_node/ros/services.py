@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What clients ask of the axes: the node's services and its action.
+"""The servers of the node's services and of its action.
 
-Every callback is short or a coroutine that awaits an answer of the cycle, so that the executor
-goes on answering. ``lock`` guards the axes.
+Every callback is short, or a coroutine that awaits a future, so that the executor goes on
+answering. The cycle decides when a wait ends; a callback of the executor sets the future.
+``lock`` guards the axes.
 """
 
 import threading
@@ -10,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from homing_interfaces.action import Home
+from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from ..core.axis import Axis
@@ -17,20 +19,21 @@ from ..core.dispatch import Dispatch
 from ..core.outcome import Outcome
 from ..core.request import Request
 from ..procedures.states import Error
-from . import convert
+from . import messages
 from .reports import Reports
 from .timebase import TimeBase
 
 
 class Services:
-    """The servers; the node gives each of them its name.
+    """Makes the servers; the node gives each of them its name.
 
-    ``poll`` gives the axes what has arrived: what was told before a request counts before it.
+    ``poll`` gives the axes the messages that have arrived: a message that was sent before a
+    request counts before it. ``open`` is the number of requests that wait for their answer.
     """
 
     def __init__(
         self,
-        dispatch: Dispatch,
+        dispatch: Dispatch[Future],
         reports: Reports,
         timebase: TimeBase,
         lock: threading.Lock,
@@ -39,6 +42,7 @@ class Services:
         self._dispatch, self._reports = dispatch, reports
         self._timebase, self._lock, self._poll = timebase, lock, poll
         self._goals: dict[bytes, Request] = {}
+        self.open = 0
 
     def home(self, names: Sequence[str], owner: str) -> Any:
         """Return a server that homes some axes and answers when they have ended."""
@@ -46,7 +50,7 @@ class Services:
         async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             outcomes = await self._home(names, owner)
             response.success = all(outcome.success for outcome in outcomes.values())
-            response.message = convert.home_message(outcomes)
+            response.message = messages.home_message(outcomes)
             return response
 
         return serve
@@ -56,10 +60,10 @@ class Services:
 
         async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             with self._lock:
-                moving, waiting, answer = self._dispatch.cancel(names)
-            await answer
+                moving, waiting, future = self._dispatch.cancel(names)
+            await self._wait(future)
             response.success = True
-            response.message = convert.cancel_message(moving, waiting)
+            response.message = messages.cancel_message(moving, waiting)
             return response
 
         return serve
@@ -77,12 +81,12 @@ class Services:
         return serve
 
     def servo(self, axis: Axis) -> Any:
-        """Return a server that sets the servo that we want of an axis."""
+        """Return a server that sets the servo that the node asks for."""
 
         def serve(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
             with self._lock:
                 axis.set_servo(bool(request.data))
-                self._reports.note(axis)  # off and on again within one cycle are two messages
+                self._reports.report(axis)  # off and on again within one cycle are two messages
             response.success = True
             response.message = f'servo_on of axis {axis.name}: {str(axis.servo_on).lower()}'
             return response
@@ -107,7 +111,7 @@ class Services:
             goal.abort()
         with self._lock:
             states = self._reports.states(names)
-        return Home.Result(success=success, message=convert.home_message(outcomes), states=states)
+        return Home.Result(success=success, message=messages.home_message(outcomes), states=states)
 
     def cancel_goal(self, goal: Any) -> None:
         """Stop what a goal homes; its result comes when its axes are at rest."""
@@ -127,8 +131,18 @@ class Services:
             started = self._dispatch.home(names, owner, self._timebase.polled)
             if isinstance(started, Outcome):
                 return {'': started}
-            answer = self._dispatch.answer(started)
+            future = self._dispatch.waiter(started)
             if key:
                 self._goals[key] = started
-        await answer
+        await self._wait(future)
         return {name: started.outcomes[name] for name in started.names}
+
+    async def _wait(self, future: Future | None) -> None:
+        """Wait for a future, if there is anything to wait for."""
+        if future is None:
+            return
+        self.open += 1
+        try:
+            await future
+        finally:
+            self.open -= 1

@@ -47,7 +47,7 @@ from ..parameters.definition import Definition, InvalidParameters, read, table
 from ..plant.layout import DEAD_TIME, FEEDBACK_RATE, AxisLayout, layouts_from
 from ..plant.simulated_axis import SimulatedAxis
 from ..procedures.states import Input
-from .transport import choose_udp
+from .polling import Take, never_called, taker, waiting
 
 #: How long before something is due the thread wakes up and waits for the exact time, s.
 LEAD = 0.0001
@@ -239,7 +239,7 @@ class SimulatedAxes:
         self._joint_states = node.create_publisher(JointState, 'joint_states', RELIABLE)
         self._feedback = JointState(name=list(settings.joints))
         self._outputs: dict[tuple[str, str], Output] = {}
-        self._inputs: list[tuple[Any, Callable[[Any], None]]] = []
+        self._inputs: list[tuple[Take, Callable[[Any], None]]] = []
         for name, layout in settings.layouts.items():
             self._connect(node, f'{settings.target_node}/{name}', name, layout)
         self._switches = deque(o for o in self._outputs.values() if o.level is not None)
@@ -272,7 +272,8 @@ class SimulatedAxes:
         self, node: Node, kind: Any, topic: str, qos: QoSProfile, take: Callable[[Any], None]
     ) -> None:
         """Subscribe to a topic that is polled at every step."""
-        self._inputs.append((node.create_subscription(kind, topic, take, qos), take))
+        subscription = node.create_subscription(kind, topic, never_called, qos)
+        self._inputs.append((taker(subscription, serialized=False), take))
 
     def run(self, stopped: Callable[[], bool]) -> None:
         """Let the world's time pass until `stopped()`."""
@@ -338,9 +339,9 @@ class SimulatedAxes:
 
     def _step(self) -> None:
         """Take what has arrived, and compute the world's next step."""
-        for subscription, take in self._inputs:
-            while taken := subscription.handle.take_message(subscription.msg_type, False):
-                take(taken[0])
+        for next_message, take in self._inputs:
+            for message, _ in waiting(next_message):
+                take(message)
         start, dt = self._front, self._dt
         before = [axis.position for axis in self._axes.values()]
         changes = []
@@ -408,7 +409,6 @@ def main(args: list[str] | None = None) -> int:
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: signals.append(number))
-    choose_udp(os.environ, rclpy.get_rmw_implementation_identifier())
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rclpy has no common base: bad arguments, a bad YAML file

@@ -6,9 +6,12 @@ related to it anew at every message, so that a step of the system clock does no 
 core's time is ROS time.
 """
 
-import ctypes
+import math
+import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 
 #: How often a simulated clock is looked at, s.
 LOOK = 0.0005
@@ -20,13 +23,17 @@ STANDSTILL, BLINK = 1.0, 0.1
 #: of the period a cycle, and stays below MOST_LEAD of it.
 LATE_SHARE, LEAD_STEP, MOST_LEAD = 0.03, 3e-3, 0.8
 
-#: prctl(2): how much later than asked a sleep of this thread may end, ns; 50 µs by default.
-PR_SET_TIMERSLACK = 29
+#: Two clocks are read one after the other, and the process may be held up in between: they are
+#: read this often, and the closest readings count.
+READINGS = 3
+#: How much later than asked a sleep of the cycle may end, ns; 50000 by default.
+TIMER_SLACK = 1
 
 
 def wake_precisely() -> None:
-    """Let the sleeps of the calling thread end when they should."""
-    ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1)
+    """Let the sleeps of the calling thread end when they should (Linux: proc(5))."""
+    with suppress(OSError):  # another system, or not allowed
+        Path(f'/proc/{threading.get_native_id()}/timerslack_ns').write_text(str(TIMER_SLACK))
 
 
 class TimeBase:
@@ -97,10 +104,17 @@ class TimeBase:
 
     def _look(self) -> tuple[float, int]:
         """Return the time of the core in s, and the stamp at that time in ns."""
-        if self._ros_time is None:
-            return time.monotonic(), time.time_ns()
-        wall = self._ros_time()
-        return wall * 1e-9, wall
+        if self._ros_time is not None:
+            wall = self._ros_time()
+            return wall * 1e-9, wall
+        closest = math.inf
+        before = time.monotonic()
+        for _ in range(READINGS):
+            wall, after = time.time_ns(), time.monotonic()
+            if after - before < closest:
+                closest, relation = after - before, (after, wall)
+            before = after
+        return relation
 
 
 class Lead:

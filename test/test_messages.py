@@ -11,7 +11,7 @@ from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import axis_parameters
 from homing_node.parameters.configuration import AXIS_DEFINITIONS, NODE_DEFINITIONS
 from homing_node.procedures.states import Error, Input
-from homing_node.ros import convert
+from homing_node.ros import messages
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def axis():
     ids=lambda definition: definition.name,
 )
 def test_descriptors(definition):
-    described = convert.descriptor(definition)
+    described = messages.descriptor(definition)
     assert described.dynamic_typing  # integers for real numbers
     assert definition.text in described.description
     if definition.unit:
@@ -40,25 +40,25 @@ def test_descriptors(definition):
     if definition.bounds:
         assert definition.bounds in described.additional_constraints
         assert described.floating_point_range or described.integer_range
-    assert convert.descriptor(definition, read_only=True).read_only
+    assert messages.descriptor(definition, read_only=True).read_only
 
 
 def test_plain_values():
-    assert convert.plain(AXIS_DEFINITIONS['switches'].default) == [
+    assert messages.plain(AXIS_DEFINITIONS['switches'].default) == [
         'home_switch',
         'positive_limit_switch',
         'negative_limit_switch',
     ]
     for value in (AXIS_DEFINITIONS['ls_type'].default, Input.Z_PULSE):
-        assert type(convert.plain(value)) is str
-    assert convert.plain(5) == 5
-    assert convert.plain(True) is True
-    assert convert.plain(None) is None
+        assert type(messages.plain(value)) is str
+    assert messages.plain(5) == 5
+    assert messages.plain(True) is True
+    assert messages.plain(None) is None
 
 
 @pytest.mark.parametrize('nanoseconds', [0, 1, 999_999_999, 1_000_000_000, 1795347884123456789])
 def test_stamps(nanoseconds):
-    stamp = convert.to_stamp(nanoseconds)
+    stamp = messages.to_stamp(nanoseconds)
     assert stamp.nanosec < 1_000_000_000
     assert ns(stamp) == nanoseconds
 
@@ -70,42 +70,42 @@ def ns(stamp):
 @pytest.mark.parametrize('message', [Bool(data=True), Bool(data=False), Float64(data=-0.25)])
 def test_values(message):
     data = serialize_message(message)
-    assert convert.data_of(data, type(message)) == message.data
-    assert convert.data_of(data[:3], type(message)) is None
+    assert messages.data_of(data, type(message)) == message.data
+    assert messages.data_of(data[:3], type(message)) is None
 
 
 def test_numbers_are_cast():
     """An integer in a field for real numbers would arrive as another number."""
-    assert list(convert.position_commands([1, 2.5]).data) == [1.0, 2.5]
-    assert list(convert.joint_states(0, {'a': 1}).position) == [1.0]
+    assert list(messages.position_commands([1, 2.5]).data) == [1.0, 2.5]
+    assert list(messages.joint_states(0, {'a': 1}).position) == [1.0]
 
 
 def test_home_message():
     homed = Outcome(Error.NoError, '', 0.123456789123, -0.5, 1.23456e-5)
-    assert convert.home_message({'x': homed}) == (
+    assert messages.home_message({'x': homed}) == (
         'Homed: home_position_raw=0.123456789123 home_offset=-0.5 uncertainty=1.23e-05'
     )
     failed = Outcome(Error.LSTriggered, 'axis x: …')
     canceled = Outcome(Error.Canceled, 'axis y: …')
     outcomes = {'z': homed, 'y': canceled}
-    assert convert.home_message(outcomes) == 'Canceled: axis y: …'
-    assert convert.home_message({**outcomes, 'x': failed}) == 'LSTriggered: axis x: …'
-    both = convert.home_message({'x': homed, 'y': homed})
+    assert messages.home_message(outcomes) == 'Canceled: axis y: …'
+    assert messages.home_message({**outcomes, 'x': failed}) == 'LSTriggered: axis x: …'
+    both = messages.home_message({'x': homed, 'y': homed})
     assert both.startswith('Homed: x: home_position_raw=0.12')
     assert '; y: home_position_raw=0.12' in both
     warned = Outcome(Error.LSTriggered, 'axis x: …', warnings=('it bounced',))
-    assert convert.home_message({'x': warned}) == 'LSTriggered: axis x: … | warning: it bounced'
+    assert messages.home_message({'x': warned}) == 'LSTriggered: axis x: … | warning: it bounced'
 
 
 def test_axis_state(axis):
-    message = convert.axis_state(2_500_000_000, axis)
+    message = messages.axis_state(2_500_000_000, axis)
     assert ns(message.header.stamp) == 2_500_000_000
     assert (message.axis, message.state, message.error) == ('x', 'Idle', 'NoError')
     assert (message.paused, message.homed) == (False, False)
     assert message.position == 0.5
     axis.outcome = Outcome(Error.NoError, '', 0.25, 0.125, 0.001)
     axis.homed = True
-    message = convert.axis_state(0, axis)
+    message = messages.axis_state(0, axis)
     assert message.homed
     assert message.position == 0.375
     assert (message.home_position_raw, message.home_offset) == (0.25, 0.125)
@@ -114,7 +114,7 @@ def test_axis_state(axis):
 
 def test_diagnostics(axis):
     def status():
-        (found,) = convert.diagnostics(0, 'homing_node', [axis]).status
+        (found,) = messages.diagnostics(0, 'homing_node', [axis]).status
         return found
 
     assert (status().level, status().message) == (DiagnosticStatus.WARN, 'not homed')

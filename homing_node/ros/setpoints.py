@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How setpoints leave the node: one class for each value of `setpoint_interface`.
+
+A new interface is one more class here, its name in `SetpointInterface`
+(parameters/configuration.py) and a line in `INTERFACES`.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from ..core.axis import Axis, Setpoint
+from ..core.outcome import Outcome
+from ..parameters.configuration import SetpointInterface
+from ..procedures.states import Error, Input
+from .serialized import PlainTrajectoryWriter, TrajectoryWriter
+
+#: (message type, topic) -> a publisher.
+CreatePublisher = Callable[[Any, str], Any]
+
+
+class Setpoints(Protocol):
+    """Publishes the setpoints of the axes through one interface.
+
+    The cycle calls `message` while the axes are locked and `publish` when they no longer are.
+    """
+
+    def message(self, moving: Mapping[str, Setpoint]) -> Any:
+        """Return the message of this cycle, None if there is nothing to publish.
+
+        Args:
+            moving: The setpoints of the axes that move in this cycle, by the axis's name.
+        """
+
+    def publish(self, message: Any) -> None:
+        """Publish a message that `message` returned."""
+
+    def unready(self) -> Outcome | None:
+        """Return why no axis can start a run through this interface now, else None."""
+
+
+class TrajectorySetpoints:
+    """`trajectory`: publishes the joints that move, on `~/setpoints`."""
+
+    def __init__(
+        self,
+        axes: Mapping[str, Axis],
+        joints: Mapping[str, str],
+        period: float,
+        create_publisher: CreatePublisher,
+        serialized: bool,
+    ) -> None:
+        """Create the publisher.
+
+        Args:
+            axes: The axes, by name.
+            joints: The joint of each axis.
+            period: The period of the cycle, s.
+            create_publisher: Makes a publisher of a message type and a topic.
+            serialized: Whether the message is written as bytes (serialized.py).
+        """
+        self._axes, self._joints = axes, joints
+        self._writer = (TrajectoryWriter if serialized else PlainTrajectoryWriter)(period)
+        self._publisher = create_publisher(JointTrajectory, '~/setpoints')
+
+    def message(self, moving: Mapping[str, Setpoint]) -> Any:
+        """Return a trajectory of the axes that move, one period ahead."""
+        if not moving:
+            return None
+        return self._writer.write([self._joints[name] for name in moving], moving.values())
+
+    def publish(self, message: Any) -> None:
+        """Publish a trajectory."""
+        self._publisher.publish(message)
+
+    def unready(self) -> Outcome | None:
+        """Return None: a trajectory names only the axes that move."""
+        return None
+
+
+class PositionSetpoints:
+    """`position`: publishes one position for each axis, on `~/position_commands`.
+
+    The array also commands the axes that rest. The command of an axis at rest is fixed when it is
+    first published, for a command that followed the feedback would let the axis sink. It is
+    forgotten when a run of the axis ends or its servo is off: then the array holds the axis where
+    it is.
+    """
+
+    def __init__(
+        self,
+        axes: Mapping[str, Axis],
+        joints: Mapping[str, str],
+        period: float,
+        create_publisher: CreatePublisher,
+        serialized: bool,
+    ) -> None:
+        """Create the publisher; the arguments are those of `TrajectorySetpoints`."""
+        self._axes = axes
+        self._publisher = create_publisher(Float64MultiArray, '~/position_commands')
+        self._held: dict[str, float] = {}  # the fixed commands of the axes at rest
+
+    def message(self, moving: Mapping[str, Setpoint]) -> Any:
+        """Return the position of each axis, in the order of `axes`, while a run is on."""
+        for name, axis in self._axes.items():
+            if name in moving or not _powered(axis):
+                self._held.pop(name, None)
+        if moving:
+            return Float64MultiArray(
+                data=[
+                    float(moving[name][0] if name in moving else self._held_position(axis))
+                    for name, axis in self._axes.items()
+                ]
+            )
+        if not any(axis.running for axis in self._axes.values()):
+            self._held.clear()
+        return None
+
+    def publish(self, message: Any) -> None:
+        """Publish an array of positions."""
+        self._publisher.publish(message)
+
+    def unready(self) -> Outcome | None:
+        """Return which axis has no feedback yet: the array has a position of each axis."""
+        for axis in self._axes.values():
+            if not axis.known:
+                return Outcome(Error.FeedbackStale, f'axis {axis.name}: no feedback yet')
+        return None
+
+    def _held_position(self, axis: Axis) -> float:
+        """Return the command that holds an axis where it is."""
+        if not _powered(axis):
+            return axis.hold_position
+        return self._held.setdefault(axis.name, axis.hold_position)
+
+
+def _powered(axis: Axis) -> bool:
+    """Return whether the drive of an axis holds it, as far as the node knows."""
+    wired = Input.SERVO_ENABLED in axis.parameters.inputs
+    return axis.servo_on and not (wired and axis.servo_enabled is False)
+
+
+#: The class of each interface.
+INTERFACES: Mapping[SetpointInterface, type[TrajectorySetpoints | PositionSetpoints]] = {
+    SetpointInterface.trajectory: TrajectorySetpoints,
+    SetpointInterface.position: PositionSetpoints,
+}
