@@ -116,14 +116,17 @@ class ConfiguredNode(Node, ABC):
         prefix: str = '',
     ) -> None:
         """Declare parameters with what is known of them, and with the values that were given."""
-        declared = []
+        declared, empty = [], []
         for key, definition in definitions.items():
             name = prefix + key
             if self.has_parameter(name):  # without a description until now
                 self.undeclare_parameter(name)
             value = messages.plain(given.get(name, definition.initial))
+            if value == []:  # rclpy takes it for an array of bytes
+                empty.append(Parameter(name, Parameter.Type.STRING_ARRAY, value))
             declared.append((name, value, messages.descriptor(definition, read_only=key in FIXED)))
         self.declare_parameters('', declared, ignore_override=True)
+        self.set_parameters(empty)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters; a bad value is answered with its name, value, bound and unit.
