@@ -123,6 +123,11 @@ class Axis:
         return self.machine is not None
 
     @property
+    def powered(self) -> bool:
+        """Whether the drive holds the axis, as far as it is known."""
+        return self.servo_on and not self._readings.servo_is_off
+
+    @property
     def unknown_inputs(self) -> tuple[Input, ...]:
         """The wired inputs that carry a level which has not been received yet."""
         return self._readings.unknown_inputs

@@ -143,6 +143,11 @@ class Readings:
         return now - self.arrival <= self._parameters.feedback_timeout
 
     @property
+    def servo_is_off(self) -> bool:
+        """Whether the drive reports its servo off."""
+        return self._servo_wired and self.servo_enabled is False
+
+    @property
     def _servo_wired(self) -> bool:
         return Input.SERVO_ENABLED in self._parameters.inputs
 

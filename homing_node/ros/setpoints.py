@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory
 from ..core.axis import Axis, Setpoint
 from ..core.outcome import Outcome
 from ..parameters.configuration import SetpointInterface
-from ..procedures.states import Error, Input
+from ..procedures.states import Error
 from .serialized import PlainTrajectoryWriter, TrajectoryWriter
 
 #: (message type, topic) -> a publisher.
@@ -105,7 +105,7 @@ class PositionSetpoints:
     def message(self, moving: Mapping[str, Setpoint]) -> Any:
         """Return the position of each axis, in the order of `axes`, while a run is on."""
         for name, axis in self._axes.items():
-            if name in moving or not _powered(axis):
+            if name in moving or not axis.powered:
                 self._held.pop(name, None)
         if moving:
             return Float64MultiArray(
@@ -131,15 +131,9 @@ class PositionSetpoints:
 
     def _held_position(self, axis: Axis) -> float:
         """Return the command that holds an axis where it is."""
-        if not _powered(axis):
+        if not axis.powered:
             return axis.hold_position
         return self._held.setdefault(axis.name, axis.hold_position)
-
-
-def _powered(axis: Axis) -> bool:
-    """Return whether the drive of an axis holds it, as far as the node knows."""
-    wired = Input.SERVO_ENABLED in axis.parameters.inputs
-    return axis.servo_on and not (wired and axis.servo_enabled is False)
 
 
 #: The class of each interface.
