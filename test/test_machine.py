@@ -73,7 +73,7 @@ class Hand:
 
     @property
     def error(self):
-        return self.machine.error
+        return self.machine.ending.error
 
 
 # -- where it begins ----------------------------------------------------------------------------
@@ -153,6 +153,14 @@ def test_a_fall_right_behind_the_rise_is_a_bounce():
     assert hand.machine.reference.position == 0.066
 
 
+def test_a_bounce_from_before_the_axis_moved_is_no_end_of_the_flag():
+    """The axis rests on the flag, close to its far end, and the contact bounces."""
+    hand = Hand('HSOff', on=(HS,)).edge(HS, False, way=0).edge(HS, True, way=0)
+    hand.run().edge(HS, False, position=0.0502)
+    assert hand.step == HOME_SHIFT
+    assert hand.machine.reference.position == 0.0502
+
+
 def test_the_tolerance_of_the_second_pass_is_not_the_reach_of_a_bounce():
     hand = Hand('HSOff', edge_tolerance=0.05).run().edge(HS, True, position=0.06)
     hand.edge(HS, False, position=0.066)
@@ -230,6 +238,29 @@ def test_a_reversal_that_was_undone_leaves_the_first_pass():
     assert hand.step == HOME_SHIFT
     hand.run(100)
     assert hand.error is Error.EdgeNotRepeated
+
+
+def test_an_arrow_that_was_undone_leaves_no_reference():
+    """Nor an arrow: the run shows only the reversal."""
+    hand = Hand('HS').run().edge(HS, True, time=0.08)
+    assert hand.machine.reference is not None
+    hand.edge(LIMIT_AHEAD, True, way=1, time=0.07)
+    assert hand.step == HS_FALLING_EDGE_SEARCH_REVERSE
+    assert hand.machine.reference is None
+    assert hand.machine.arrows == [(HS_SEARCH, Event.LIMIT_AHEAD)]
+
+
+def test_a_reversal_that_was_undone_leaves_the_passes_as_they_were():
+    hand = Hand('HSHS', repeat=3).run().edge(HS, True, position=0.06).run(60)
+    hand.edge(HS, False, position=0.06).run(60).edge(HS, True, position=0.06).run(60)
+    hand.edge(HS, False, position=0.06).run(60)
+    assert hand.step == SECOND_HS_SEARCH
+    hand.edge(LIMIT_AHEAD, True)
+    assert hand.machine.passes.fine == []
+    hand.edge(HS, True, way=1, position=0.06, time=hand.now - 0.01)
+    assert hand.step == HS_CLEAR_REVERSE
+    assert len(hand.machine.passes.fine) == 2
+    assert hand.machine.arrows[-1] == (SECOND_HS_SEARCH, Event.REPEAT)
 
 
 def test_an_earlier_edge_that_does_not_count_undoes_nothing():
@@ -350,21 +381,21 @@ def test_a_normal_limit_that_rises_while_the_axis_turns_to_it():
 def test_a_limit_behind_that_rises_while_it_moves_toward_may_be_swapped():
     hand = Hand('HS').run().edge(LIMIT_BEHIND, True)
     assert hand.error is Error.LSTriggered
-    assert 'swapped' in hand.machine.message
+    assert 'swapped' in hand.machine.ending.message
 
 
 def test_a_swapped_limit_does_what_its_type_says():
     hand = Hand('HS', ls_type='ServoOff').run().edge(LIMIT_BEHIND, True)
-    assert hand.machine.silent
-    assert hand.machine.servo_off
+    assert hand.machine.ending.silent
+    assert hand.machine.ending.servo_off
 
 
 def test_a_limit_that_an_axis_leaves_does_not_act_on_its_stop():
     hand = Hand('HS', ls_type='ServoOff').run()
     hand.machine.cancel()
     hand.edge(LIMIT_BEHIND, True)
-    assert not hand.machine.silent
-    assert not hand.machine.servo_off
+    assert not hand.machine.ending.silent
+    assert not hand.machine.ending.servo_off
 
 
 @pytest.mark.parametrize('home_type', ['HS', 'LS'])
@@ -387,7 +418,7 @@ def test_the_first_error_stays():
     hand.machine.fail(Fault(Error.EmergencyStop, 'emergency stop'))
     hand.machine.cancel()
     assert hand.error is Error.CycleLate
-    assert hand.machine.message == 'late in HSSearch'
+    assert hand.machine.ending.message == 'late in HSSearch'
     assert hand.machine.state is State.HSSearch
 
 
@@ -395,7 +426,7 @@ def test_a_harder_stop_that_follows_leaves_the_servo_to_be_switched_off():
     hand = Hand('ZPulse', ls_type='SlowDecServoOff', homing_velocity_slow=0.2).run()
     hand.edge(LIMIT_AHEAD, True).run(1)
     hand.machine.fail(Fault(Error.EmergencyStop, 'emergency stop'))
-    assert hand.machine.servo_off
+    assert hand.machine.ending.servo_off
 
 
 # -- bounds, and what is told -------------------------------------------------------------------

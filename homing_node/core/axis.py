@@ -258,12 +258,12 @@ class Axis:
     @property
     def error(self) -> Error:
         """Why the axis is stopping, or how its last run ended."""
-        return self.outcome.error if self.machine is None else self.machine.error
+        return self.outcome.error if self.machine is None else self.machine.ending.error
 
     @property
     def message(self) -> str:
         """What to say of the error."""
-        return self.outcome.message if self.machine is None else self.machine.message
+        return self.outcome.message if self.machine is None else self.machine.ending.message
 
     @property
     def torque_limit(self) -> float:
@@ -276,7 +276,7 @@ class Axis:
         machine = self.machine
         if machine is None:
             return self.history.runs, self.homed, self.servo_on
-        return machine.step, machine.error, machine.paused, machine.touched, self.servo_on
+        return machine.step, machine.ending.error, machine.paused, machine.touched, self.servo_on
 
     @property
     def hold_position(self) -> float:
@@ -357,7 +357,7 @@ class Axis:
         assert machine is not None
         readings, slow = self._readings, self.parameters.homing_velocity_slow
         settled = self._settling.over(now, readings.track, slow)
-        follows = self._moved and not machine.silent and readings.feedback_is_fresh(now)
+        follows = self._moved and not machine.ending.silent and readings.feedback_is_fresh(now)
         if follows and not settled:
             return self._setpoint(now)
         for text in readings.bounce_warnings():
@@ -366,14 +366,14 @@ class Axis:
         self.history.add(self.outcome.error, self.outcome.home_position_raw)
         self.homed = self.outcome.success
         self.machine = None
-        if machine.servo_off:
+        if machine.ending.servo_off:
             self.servo_on = False
         self._rest = (
             None
-            if machine.silent or machine.servo_off
+            if machine.ending.silent or machine.ending.servo_off
             else (self._sign * self.profile.position, self.raw_position)
         )
-        return self._setpoint(now) if self._moved and not machine.silent else None
+        return self._setpoint(now) if self._moved and not machine.ending.silent else None
 
     def _refused(self, error: Error, text: str) -> Outcome:
         return Outcome(error, f'axis {self.name}: {text}')

@@ -16,6 +16,7 @@ from ..procedures.motions import Kind, Way
 from ..procedures.procedure import Row
 from ..procedures.states import Error, Input, State
 from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Step
+from .ending import Ending
 from .limits import Action, Limit, LimitSwitches, Moment, Response, response_to
 from .movement import Movement
 from .outcome import Fault
@@ -26,21 +27,29 @@ from .switch_events import SwitchEvents
 from .travel import Rules
 
 
-class Turnoff(NamedTuple):
-    """A row that an edge ended, as it was, should an edge of an earlier time still arrive."""
+class Snapshot(NamedTuple):
+    """What stood before an edge took its arrow, should an edge of an earlier time still arrive."""
 
     step: Step
     edge: Edge
     reversed: bool
+    reference: Mark | None
     coarse_pass: Mark | None
+    fine_passes: tuple[Mark, ...]
 
 
 class Machine:
-    """One run: where it stands, why it ended, and where the reference was.
+    """One run through the table of a home type.
 
-    ``step`` is the present row; ``error`` and ``message`` the verdict, NoError until the axis is
-    ``stopping`` for one; ``finished`` tells that the command is at rest and nothing more will
-    come, ``reference`` the home position once found, ``arrows`` every transition taken so far.
+    Attributes:
+        step: the present step, and ``row`` its row.
+        ending: why and how the run ends before it is homed.
+        finished: the command is at rest, and nothing more will come.
+        paused: the axis waits before a turn (``pause_mode``).
+        reference: the home position, None until it was found.
+        passes: the passes over the reference so far.
+        arrows: every arrow taken so far.
+        warnings: what the user should know of the run.
     """
 
     __slots__ = (
@@ -51,13 +60,9 @@ class Machine:
         'feedback',
         'step',
         'row',
-        'error',
-        'message',
-        'stopping',
         'finished',
         'paused',
-        'silent',
-        'servo_off',
+        'ending',
         'reference',
         'arrows',
         'passes',
@@ -67,10 +72,9 @@ class Machine:
         '_movement',
         '_rules',
         '_cause',
-        '_turnoff',
+        '_before_edge',
         '_reversed',
         '_paused_at',
-        '_stop_deceleration',
     )
 
     def __init__(
@@ -86,14 +90,10 @@ class Machine:
         self.profile = profile
         self.now = now
         self.feedback = feedback
-        self._stand_in(self.procedure.first)
-        self.error = Error.NoError
-        self.message = ''
-        self.stopping = False
+        self._set_row(self.procedure.first)
+        self.ending = Ending(profile)
         self.finished = False
         self.paused = False
-        self.silent = False  # no further setpoint: the servo is off
-        self.servo_off = False  # a ServoOff action asks for it at the end
         self.reference: Mark | None = None
         self.arrows: list[tuple[Step, Event]] = []
 
@@ -102,17 +102,16 @@ class Machine:
         self._movement = Movement(parameters, profile, now, feedback, self.warn)
         self._rules = Rules(parameters, now)
         self._cause = Mark(feedback)
-        self._turnoff: Turnoff | None = None
+        self._before_edge: Snapshot | None = None  # None: no edge took the last arrow
         self._reversed = False  # the one reversal is used up
         self.passes = Passes(parameters)
         self.warnings: list[str] = []
         self._paused_at = now
-        self._stop_deceleration = 0.0
 
     @property
     def state(self) -> State:
         """The published home state."""
-        return State.Cancel if self.error is Error.Canceled else self.step.state
+        return State.Cancel if self.ending.error is Error.Canceled else self.step.state
 
     @property
     def torque_limit(self) -> float:
@@ -149,20 +148,19 @@ class Machine:
     def edge(self, edge: Edge) -> None:
         """Take an edge whose way of travel is known.
 
-        Where an edge of another switch with a later time has already ended the row that would
-        have taken this one, that is undone: the earlier edge decides, however late it arrives.
+        If an edge of a later time has already ended a row that would have taken this edge, its
+        arrow is undone: the earlier edge decides, however late its message arrives.
         """
         self._switches.remember(edge)
-        if self.stopping:
+        if self.ending.stopping:
             return
         rises, falls, on = self._switches.events_of(edge.input)
         event = rises if edge.rises else falls
-        left = self._turnoff
-        if left and event and edge.order < left.edge.order:
-            row = self.procedure.rows[left.step]
+        before = self._before_edge
+        if before and event and edge.order < before.edge.order:
+            row = self.procedure.rows[before.step]
             if event in row.on and self._switches.counts(edge, row):
-                self._stand_in(left.step)
-                self._reversed, self.passes.coarse = left.reversed, left.coarse_pass
+                self._undo(before)
         if event and event in self.row.on and self._switches.counts(edge, self.row):
             self._advance(event, edge)
         elif edge.rises and on and on in self.row.on and self._switches.on(edge.input):
@@ -178,7 +176,7 @@ class Machine:
         self._both_on()
         action, response = limit.action, response_to(limit, self._moment(limit))
         if response is Response.ACT and action:
-            self._act(action)
+            self.ending.stop(action)
         elif response is Response.BRAKE_HARDER and action:
             self.profile.brake_harder(action.deceleration or self.parameters.ls_dec)
         elif response is Response.FAIL_SWAPPED:
@@ -208,10 +206,10 @@ class Machine:
 
         The first error stays; a stronger stop that comes later takes over.
         """
-        if not self.stopping:
+        if not self.ending.stopping:
             hint = fault.hint and f'; {fault.hint}'
             self._give_up(fault.error, f'{fault.seen} in {self.state}{hint}')
-        self._act(action or Action(self.parameters.ls_dec))
+        self.ending.stop(action or Action(self.parameters.ls_dec))
 
     def warn(self, text: str) -> None:
         """Note what the user should know of this run, once."""
@@ -220,10 +218,9 @@ class Machine:
 
     def cancel(self) -> None:
         """Stop with the active profile."""
-        if not self.stopping:
+        if not self.ending.stopping:
             self._give_up(Error.Canceled, f'canceled in {self.state}')
-            self._stop_deceleration = self.profile.dynamics.deceleration
-            self.profile.stop()
+            self.ending.stop_gently()
 
     def resume(self) -> None:
         """Leave the pause of ``pause_mode``."""
@@ -238,7 +235,7 @@ class Machine:
         self.now, self.feedback = now, feedback
         if self.finished or self.paused:
             return
-        if self.stopping:
+        if self.ending.stopping:
             self.finished = self.profile.done
             return
         movement = self._movement
@@ -247,7 +244,7 @@ class Machine:
         if fault is not None:
             self.fail(fault)
             return
-        while not (self.paused or self.stopping or self.finished):
+        while not (self.paused or self.ending.stopping or self.finished):
             found = movement.event(now, feedback)
             if found is None:
                 return
@@ -260,14 +257,12 @@ class Machine:
 
     def _advance(self, event: Event, cause: Mark) -> None:
         """Follow an arrow."""
+        self._before_edge = self._snapshot(cause) if isinstance(cause, Edge) else None
         step = self.row.on[event]
         if step is HOME_SHIFT and self.passes.add(cause):
             event = Event.REPEAT
             step = self.row.on[event]
         self.arrows.append((self.step, event))
-        self._turnoff = None
-        if isinstance(cause, Edge):
-            self._turnoff = Turnoff(self.step, cause, self._reversed, self.passes.coarse)
         if event is Event.LIMIT_AHEAD:
             if self._reversed:
                 self.fail(
@@ -299,7 +294,21 @@ class Machine:
             self.passes.coarse = cause
         self._enter(step, cause)
 
-    def _stand_in(self, step: Step) -> None:
+    def _snapshot(self, edge: Edge) -> Snapshot:
+        """Return what stands now, before an edge takes its arrow."""
+        passes = self.passes
+        return Snapshot(
+            self.step, edge, self._reversed, self.reference, passes.coarse, tuple(passes.fine)
+        )
+
+    def _undo(self, before: Snapshot) -> None:
+        """Take back the last arrow: the command goes on, but nothing else of it stays."""
+        self._set_row(before.step)
+        del self.arrows[-1]
+        self._reversed, self.reference = before.reversed, before.reference
+        self.passes.coarse, self.passes.fine = before.coarse_pass, list(before.fine_passes)
+
+    def _set_row(self, step: Step) -> None:
         """Make a row the present one."""
         self.step: Step = step
         self.row: Row = self.procedure.rows[step]
@@ -307,7 +316,7 @@ class Machine:
     def _enter(self, step: Step, cause: Mark) -> None:
         """Enter a row and, where a condition of it holds, the next; then start the motion."""
         self._cause = cause
-        self._stand_in(step)
+        self._set_row(step)
         if step is HOME_SHIFT:
             self.reference = cause
         for condition in CONDITIONS:
@@ -341,7 +350,7 @@ class Machine:
         return Moment(
             velocity=self.profile.velocity,
             heading=Way.NONE if rests else self._movement.leg.way,
-            stopping=self.stopping,
+            stopping=self.ending.stopping,
             braking=rests or motion.way is Way.AWAY,
             to_home=motion.kind is Kind.HOME,
             awaited=self._switches.awaits(self.row, limit, self._reversed),
@@ -376,18 +385,8 @@ class Machine:
     # ------------------------------------------------------------------------------------ endings
 
     def _give_up(self, error: Error, message: str) -> None:
-        self.error, self.message, self.stopping = error, message, True
+        self.ending.begin(error, message)
         self._end_pause()
-
-    def _act(self, action: Action) -> None:
-        """Stop as an action says; a harder stop that is under way stays."""
-        self.servo_off = self.servo_off or action.servo_off
-        if action.deceleration is None:
-            self.profile.freeze()
-            self.silent = True
-        elif action.deceleration > self._stop_deceleration:
-            self._stop_deceleration = action.deceleration
-            self.profile.stop(action.deceleration)
 
     def _end_pause(self) -> None:
         if self.paused:

@@ -14,8 +14,10 @@ def outcome_of(machine: Machine, axis: str) -> Outcome:
         axis: the name of the axis, for the message.
     """
     warnings, home = tuple(machine.warnings), machine.reference
-    if machine.error is not Error.NoError or home is None:
-        return Outcome(machine.error, f'axis {axis}: {machine.message}', warnings=warnings)
+    if machine.ending.error is not Error.NoError or home is None:
+        return Outcome(
+            machine.ending.error, f'axis {axis}: {machine.ending.message}', warnings=warnings
+        )
     p, passes = machine.parameters, machine.passes
     sign = p.home_direction.sign
     raw = sign * home.position

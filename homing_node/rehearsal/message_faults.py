@@ -279,7 +279,7 @@ class FaultyRehearsal(Rehearsal):
         setpoint = super().cycle()
         machine, position = self.axis.machine, self.plant.position
         self.low, self.high = min(self.low, position), max(self.high, position)
-        if machine is not None and machine.stopping and self.decided is None:
+        if machine is not None and machine.ending.stopping and self.decided is None:
             self.decided = position
         return setpoint
 
