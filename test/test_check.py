@@ -519,6 +519,17 @@ WITH = [
         {'home_type': 'HSZPulse', 'switches': Z, 'max_z_pulse_distance': 0.009},
         right=0.012,
     ),
+    Case(  # the first pulse comes soon enough, the second does not
+        'z-pulse-bound',
+        ERROR,
+        {
+            'home_type': 'HSZPulse',
+            'switches': Z,
+            'multiple_z_pulse': 2,
+            'max_z_pulse_distance': 0.009,
+        },
+        right=0.012,
+    ),
     Case('index-ambiguous', WARNING, {'home_type': 'ZPulse', 'switches': [*BOTH, 'z_pulse']}),
     Case(
         'index-margin',
@@ -1022,11 +1033,18 @@ def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocit
 
 @pytest.mark.parametrize('direction', [1, -1])
 @pytest.mark.parametrize('reverse', [0.0, 0.003, 0.03])
-@pytest.mark.parametrize('acceleration, deceleration', [(0.3, 1.0), (1.0, 0.3)])
+@pytest.mark.parametrize(
+    'acceleration, deceleration, feedback_rate',
+    [(0.3, 1.0, None), (1.0, 0.3, None), (0.3, 1.0, 25.0)],
+)
 def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_so(
-    acceleration, deceleration, reverse, direction
+    acceleration, deceleration, reverse, direction, feedback_rate
 ):
-    """Without a limit switch behind: the axis stops, or turns more gently than it stops."""
+    """Without a limit switch behind: the axis stops, or turns more gently than it stops.
+
+    It waits for the feedback beyond the edge before it does either.
+    """
+    timing = Timing(feedback_rate=feedback_rate)
     parameters = axis_parameters(
         {
             **VALUES,
@@ -1045,19 +1063,19 @@ def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_
         )
         return layout if direction > 0 else mirrored(layout)
 
-    ends = Ends('x', parameters, built(-inf), Timing())
+    ends = Ends('x', parameters, built(-inf), timing)
     step, row = next(each for each in ends.searches if each[1].motion.way is Way.AWAY)
     overrun = next(ends.event_stops(step, row)).overrun(0.1)
     for part, hits in ((0.8, True), (1.01, False)):
         layout = built(0.08 - part * overrun)
         said = [
             one
-            for one in check_axis('x', parameters, layout)
+            for one in check_axis('x', parameters, layout, timing)
             if one.check == 'hard-stop' and 'behind' in one.what
         ]
         hit = [
             rehearse_from(
-                parameters, layout, transport_of(Timing()), direction * (0.1125 + 0.0021 * n)
+                parameters, layout, transport_of(timing), direction * (0.1125 + 0.0021 * n)
             ).hits
             is not None
             for n in range(8)

@@ -100,3 +100,13 @@ def test_one_quick_message_shows_that_the_others_were_slow():
 def test_a_sample_may_be_older_than_its_message():
     """A driver that samples and sends later says so with its stamps."""
     assert Stamps(LIMIT).believe(1.0, 1.101, sent=1.1) == (1.0, 0.0)
+
+
+def test_a_clock_of_which_a_message_was_too_late_is_one_that_disagrees():
+    """Only the first message is a late one; the next is as old because of the clock."""
+    stamps = Stamps(limit=0.2)
+    assert stamps.believe(1.0, 1.001) == (1.0, 0.0)
+    assert stamps.believe(2.0, 2.5) == (2.5, FALLBACK_DOUBT)
+    assert stamps.late == pytest.approx(0.499)
+    assert stamps.believe(3.0, 3.5) == (3.5, FALLBACK_DOUBT)
+    assert stamps.late == 0.0
