@@ -13,7 +13,7 @@ from homing_node.figures.diagram import mermaid
 from homing_node.figures.diagram_svg import svg
 from homing_node.figures.plot import POSITION_DIAGRAM, PROFILE, figure
 from homing_node.procedures.procedure import Procedure
-from homing_node.procedures.states import HomeType, State, Tier
+from homing_node.procedures.states import HomeType, LimitPair, State
 from homing_node.procedures.tables import PROCEDURES
 from homing_node.rehearsal.examples import BEYOND, EXAMPLES
 from homing_node.rehearsal.run import rehearse
@@ -179,7 +179,9 @@ def index() -> str:
 def limits_page() -> str:
     """Return the page that answers the manual's, picture for picture; make its figures."""
     rows = []
-    for roles, group in groupby(PROCEDURES.values(), lambda p: [p.limits_ahead[t] for t in Tier]):
+    for roles, group in groupby(
+        PROCEDURES.values(), lambda p: [p.limits_ahead[t] for t in LimitPair]
+    ):
         types = ', '.join(f'`{procedure.home_type}`' for procedure in group)
         rows.append(f'| {types} | {" | ".join(roles)} | normal |')
     example = EXAMPLES[HomeType.HSHS]
@@ -211,8 +213,8 @@ def ahead(procedure: Procedure) -> str:
     """Return what the limit switches ahead mean to a home type."""
     roles = procedure.limits_ahead
     if len(set(roles.values())) == 1:
-        return str(roles[Tier.HARDWARE])
-    return ', '.join(f'{tier}: {role}' for tier, role in roles.items())
+        return str(roles[LimitPair.HARDWARE])
+    return ', '.join(f'{pair}: {role}' for pair, role in roles.items())
 
 
 def save(drawn: Figure, name: str) -> str:

@@ -12,7 +12,7 @@ from homing_node.course import Course, Happening
 from homing_node.parameters.axis import AxisParameters, axis_parameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
 from homing_node.plant.simulated_axis import _Switch
-from homing_node.procedures.states import Error, HomeType, Input, State, Tier
+from homing_node.procedures.states import Error, HomeType, Input, LimitPair, State
 from homing_node.procedures.tables import PROCEDURES
 from homing_node.rehearsal.run import DIRECT, Rehearsal, Transport
 
@@ -125,10 +125,10 @@ def rig(home_type: HomeType | str, **changes: object) -> Rig:
     if Input.HOME_SWITCH in procedure.inputs:
         flags[HS] = END_HOME if ends else HOME
     values: dict[str, object] = {**QUICK, 'home_type': str(home_type)}
-    if procedure.target is Tier.NEAR:
+    if procedure.target is LimitPair.NEAR:
         flags[NEAR_AHEAD] = NEAR
         values['near_ls_type'] = 'Dec'
-    if procedure.target is Tier.EXTERNAL:
+    if procedure.target is LimitPair.EXTERNAL:
         flags[EXTERNAL_AHEAD] = EXTERNAL
         values['external_ls_type'] = 'Dec'
     latches = [str(i) for i in (Input.Z_PULSE, Input.TOUCH_PROBE) if i in procedure.inputs]
@@ -178,7 +178,11 @@ def target_of(one: Rig) -> tuple[str, float]:
     """Return the limit that a type homes on, toward +1, and where it rises."""
     target = PROCEDURES[one.home_type].target
     assert target is not None
-    name = {Tier.HARDWARE: LIMIT_AHEAD, Tier.NEAR: NEAR_AHEAD, Tier.EXTERNAL: EXTERNAL_AHEAD}
+    name = {
+        LimitPair.HARDWARE: LIMIT_AHEAD,
+        LimitPair.NEAR: NEAR_AHEAD,
+        LimitPair.EXTERNAL: EXTERNAL_AHEAD,
+    }
     return name[target], one.layout.switches[name[target]].on_from
 
 

@@ -25,14 +25,14 @@ from core_rig import (
 from homing_node.core.request import Request
 from homing_node.plant.layout import SwitchLayout, mirrored
 from homing_node.procedures.states import Error, HomeType, Input
-from homing_node.rehearsal import message_faults as f
-from homing_node.rehearsal.message_faults import FaultyRehearsal, past
+from homing_node.rehearsal import disturbances as f
+from homing_node.rehearsal.disturbances import DisturbedRehearsal, past
 
 #: What a stop from the fast velocity takes at most, m: v^2 / 2a + v a / 2j + a cycle of travel,
 #: and the same again while it still accelerates (v a / j).
 STOP = 0.006
 
-Run = Callable[[int], FaultyRehearsal]
+Run = Callable[[int], DisturbedRehearsal]
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Case:
         return f'{self.number} {self.name}'
 
     @staticmethod
-    def stops(made: FaultyRehearsal) -> float:
+    def stops(made: DisturbedRehearsal) -> float:
         """Return the stopping distance of a run, m."""
         return 0.0 if made.decided is None else abs(made.plant.position - made.decided)
 
@@ -78,23 +78,25 @@ def case(number: str, name: str, made: str, error: Error | None = None, **rest):
     return add
 
 
-def faulty(one: Rig, d: int, *faults: f.Fault, start: float = 0.03) -> FaultyRehearsal:
+def faulty(one: Rig, d: int, *faults: f.Disturbance, start: float = 0.03) -> DisturbedRehearsal:
     """Return a rehearsal of a rig whose messages pass through faults."""
     layout = one.built(start=start).layout
     layout = layout if d > 0 else mirrored(layout)
-    made = FaultyRehearsal(one.parameters(d), layout, faults, one.transport)
+    made = DisturbedRehearsal(one.parameters(d), layout, faults, one.transport)
     made.layout = layout
     return made
 
 
-def homed(one: Rig, d: int, *faults: f.Fault, start: float = 0.03) -> FaultyRehearsal:
+def homed(one: Rig, d: int, *faults: f.Disturbance, start: float = 0.03) -> DisturbedRehearsal:
     """Return the same after a run."""
     made = faulty(one, d, *faults, start=start)
     made.home(limit=60.0)
     return made
 
 
-def underway(one: Rig, d: int, *faults: f.Fault, enabled: bool = False) -> FaultyRehearsal:
+def underway(
+    one: Rig, d: int, *faults: f.Disturbance, enabled: bool = False
+) -> DisturbedRehearsal:
     """Return the same in its first search; ``enabled``: the drive tells its servo."""
     made = faulty(one, d, *faults)
     if enabled:
@@ -106,7 +108,7 @@ def underway(one: Rig, d: int, *faults: f.Fault, enabled: bool = False) -> Fault
     return made
 
 
-def finished(made: FaultyRehearsal) -> FaultyRehearsal:
+def finished(made: DisturbedRehearsal) -> DisturbedRehearsal:
     made.finish(limit=60.0)
     return made
 
@@ -812,7 +814,7 @@ def _(d):
 def _(d):
     made = faulty(HSHS, d)
     gate = f.Moment(lambda *_: made.axis.state == 'SecondHSSearch')
-    made._faults = (f.no_encoder(), f.loses_steps(gate, -0.003 * d))
+    made._disturbances = (f.no_encoder(), f.loses_steps(gate, -0.003 * d))
     made.home(limit=60.0)
     return made
 

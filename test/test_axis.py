@@ -814,13 +814,13 @@ def test_time_that_is_set_back():
     made.switch(HS, time, True)  # not confirmed yet
     time -= 5.0
     made.stop(Error.CycleLate, 'set back')
-    made.set_back(time)
+    made.time_jumped_back(time)
     _, velocity, _ = made.update(time)
     assert velocity > 0.0
     for _ in range(100):  # also while the feedback settles
         cycles(2)
         time -= 1.0
-        made.set_back(time)
+        made.time_jumped_back(time)
     cycles(10)
     assert not made.running
     assert made.outcome.error is Error.CycleLate
@@ -834,7 +834,7 @@ def test_time_that_is_set_back():
     assert made.homed
     assert made.outcome.home_position_raw == pytest.approx(edge, abs=0.2 * PERIOD)
 
-    made.set_back(time - 5.0)
+    made.time_jumped_back(time - 5.0)
     assert not made.homed
     assert refused(made, time - 5.0).error is Error.FeedbackStale
     assert made.position == pytest.approx(position)
@@ -846,7 +846,7 @@ def test_a_periodic_switch_is_as_old_as_the_step_back():
     for switch in (HS, 'positive_limit_switch', LIMIT_BEHIND):
         made.switch(Input(switch), time, False)
     time -= 50.0
-    made.set_back(time)
+    made.time_jumped_back(time)
     made.feedback(time, 0.05)
     assert made.refusal(time) is None
     time += 0.15
@@ -861,7 +861,7 @@ def test_a_periodic_switch_is_as_old_as_the_step_back():
 )
 def test_a_hold_up_ends_the_runs_that_missed_a_cycle(since, error):
     made = underway()
-    made.axis.held_up(made.time + since, 'a cycle was late')
+    made.axis.cycle_was_late(made.time + since, 'a cycle was late')
     assert made.finish().outcome.error is error
 
 

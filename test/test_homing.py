@@ -384,9 +384,9 @@ def test_a_second_limit_does_what_its_type_says(direction):
 
 @BOTH_WAYS
 @REVERSING_TYPES
-@pytest.mark.parametrize(('flag', 'tier'), [(NEAR_AHEAD, 'near'), (EXTERNAL_AHEAD, 'external')])
-def test_near_and_external_limits_reverse_too(home_type, direction, flag, tier):
-    one = rig(home_type, **{f'{tier}_ls_type': 'ServoOff'}).switched(
+@pytest.mark.parametrize(('flag', 'pair'), [(NEAR_AHEAD, 'near'), (EXTERNAL_AHEAD, 'external')])
+def test_near_and_external_limits_reverse_too(home_type, direction, flag, pair):
+    one = rig(home_type, **{f'{pair}_ls_type': 'ServoOff'}).switched(
         **{flag: SwitchLayout(0.08, 1.0)}
     )
     course = one.home(direction, 0.075)
@@ -653,7 +653,7 @@ def test_the_hardware_limit_ends_near_and_external_types(home_type, direction):
 
 @BOTH_WAYS
 @ON_LIMIT_TYPES
-def test_the_other_tiers_ahead_are_ignored(home_type, direction):
+def test_the_other_limits_ahead_are_ignored(home_type, direction):
     """Whatever is neither the reference nor a hardware limit."""
     one = rig(home_type, near_ls_type='ServoOff', external_ls_type='ServoOff')
     others = {NEAR_AHEAD, EXTERNAL_AHEAD} - {target_of(one)[0]}
@@ -710,12 +710,12 @@ def test_a_limit_acts_though_the_one_behind_is_stuck_on(types, direction):
 
 @BOTH_WAYS
 @pytest.mark.parametrize(
-    ('tier', 'pair'),
+    ('pair', 'both'),
     [('near', (NEAR_AHEAD, NEAR_BEHIND)), ('external', (EXTERNAL_AHEAD, EXTERNAL_BEHIND))],
 )
-def test_both_near_or_external_limits_on(direction, tier, pair):
-    one = rig('HS', **{f'{tier}_ls_type': 'Dec'}).switched(
-        **dict.fromkeys(pair, SwitchLayout(-1, 1))
+def test_both_near_or_external_limits_on(direction, pair, both):
+    one = rig('HS', **{f'{pair}_ls_type': 'Dec'}).switched(
+        **dict.fromkeys(both, SwitchLayout(-1, 1))
     )
     assert error_of(one.home(direction)) is Error.LimitsBothOn
 

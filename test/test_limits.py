@@ -11,8 +11,8 @@ from homing_node.core.limits import (
     Action,
     Limit,
     LimitSwitches,
-    Moment,
     Response,
+    Rise,
     limits_of,
     ls_action,
     response_to,
@@ -21,7 +21,7 @@ from homing_node.core.limits import (
 from homing_node.core.signals import Edge, Switch
 from homing_node.parameters.axis import axis_parameters
 from homing_node.procedures.motions import Way
-from homing_node.procedures.states import LIMIT_SWITCHES, Input, LSType, Role, Tier
+from homing_node.procedures.states import LIMIT_SWITCHES, Input, LimitPair, LSType, Role
 
 ACTIONS = {
     LSType.none: None,
@@ -76,7 +76,7 @@ def test_a_limit_ahead_has_the_types_role(home_type):
     parameters = all_wired(home_type)
     for limit in limits_of(parameters).values():
         if limit.way is Way.TOWARD:
-            assert limit.role is parameters.procedure.limits_ahead[limit.tier]
+            assert limit.role is parameters.procedure.limits_ahead[limit.pair]
 
 
 @pytest.mark.parametrize('home_type', TYPES, ids=str)
@@ -102,10 +102,10 @@ def test_separate_actions():
     assert limits[Input.NEGATIVE_LIMIT_SWITCH].action == Action(4.0)
 
 
-@pytest.mark.parametrize('tier', [Tier.NEAR, Tier.EXTERNAL], ids=str)
-def test_a_near_or_external_limit_without_a_type_is_disabled(tier):
-    limits = limits_of(all_wired(**{f'{tier}_ls_type': 'None'}))
-    assert tier not in {limit.tier for limit in limits.values()}
+@pytest.mark.parametrize('pair', [LimitPair.NEAR, LimitPair.EXTERNAL], ids=str)
+def test_a_near_or_external_limit_without_a_type_is_disabled(pair):
+    limits = limits_of(all_wired(**{f'{pair}_ls_type': 'None'}))
+    assert pair not in {limit.pair for limit in limits.values()}
 
 
 def test_one_near_limit_of_a_pair():
@@ -166,62 +166,62 @@ def test_a_momentary_limit_is_remembered_until_the_axis_is_back(home_type, switc
 
 DEC = Action(8.0)
 LIMITS = [
-    Limit(Input.POSITIVE_LIMIT_SWITCH, Tier.HARDWARE, Way.TOWARD, role, action)
+    Limit(Input.POSITIVE_LIMIT_SWITCH, LimitPair.HARDWARE, Way.TOWARD, role, action)
     for role in Role
     for action in (DEC, None)
 ] + [
-    Limit(Input.NEGATIVE_LIMIT_SWITCH, Tier.HARDWARE, Way.AWAY, Role.NORMAL, action)
+    Limit(Input.NEGATIVE_LIMIT_SWITCH, LimitPair.HARDWARE, Way.AWAY, Role.NORMAL, action)
     for action in (DEC, None)
 ]
-MOMENTS = [
-    Moment(velocity, heading, *flags)
+RISES = [
+    Rise(velocity, heading, *flags)
     for velocity in (-0.1, 0.0, 0.1)
     for heading in Way
     for flags in product((False, True), repeat=7)
 ]
 
 
-def response_by_the_rules(limit, moment):
+def response_by_the_rules(limit, rise):
     """Return what the sentences of sections 5 and 6 say, one after another."""
     normal, ahead = limit.role is Role.NORMAL, limit.way is Way.TOWARD
-    moves_into = moment.velocity * limit.way > 0.0
-    acts = moves_into or (normal and moment.velocity != 0.0 and moment.all_ls)
+    moves_into = rise.velocity * limit.way > 0.0
+    acts = moves_into or (normal and rise.velocity != 0.0 and rise.all_ls)
     if limit.role is Role.IGNORED:
         return Response.IGNORE
-    if moment.stopping:
+    if rise.stopping:
         return Response.ACT if acts and limit.action else Response.IGNORE
-    if moment.awaited:
+    if rise.awaited:
         return Response.ARROW
-    if not ahead and moment.velocity > 0.0:
-        return Response.IGNORE if moment.just_left else Response.FAIL_SWAPPED
-    if ahead and moves_into and moment.braking:
-        brakes = limit.action and not moment.turned_by_it
+    if not ahead and rise.velocity > 0.0:
+        return Response.IGNORE if rise.just_left else Response.FAIL_SWAPPED
+    if ahead and moves_into and rise.braking:
+        brakes = limit.action and not rise.turned_by_it
         return Response.BRAKE_HARDER if brakes else Response.IGNORE
-    if not acts and moment.heading is not limit.way:
+    if not acts and rise.heading is not limit.way:
         return Response.IGNORE
-    if ahead and moment.to_home and not normal:
+    if ahead and rise.to_home and not normal:
         return Response.FAIL_ALWAYS
     return Response.FAIL if limit.action else Response.IGNORE
 
 
-def possible(limit, moment):
+def possible(limit, rise):
     """Return whether the machine can ask this; a limit behind is no row's arrow."""
-    return limit.way is Way.TOWARD or not moment.awaited
+    return limit.way is Way.TOWARD or not rise.awaited
 
 
 @pytest.mark.parametrize('limit', LIMITS, ids=lambda one: f'{one.way.name} {one.role}')
 def test_the_table_says_what_the_rules_say(limit):
-    for moment in MOMENTS:
-        if possible(limit, moment):
-            assert response_to(limit, moment) is response_by_the_rules(limit, moment), moment
+    for rise in RISES:
+        if possible(limit, rise):
+            assert response_to(limit, rise) is response_by_the_rules(limit, rise), rise
 
 
 def test_every_cell_of_the_table_is_used():
     used = {
-        (limit.way, situation_of(limit, moment), limit.role)
+        (limit.way, situation_of(limit, rise), limit.role)
         for limit in LIMITS
-        for moment in MOMENTS
-        if limit.role is not Role.IGNORED and possible(limit, moment)
+        for rise in RISES
+        if limit.role is not Role.IGNORED and possible(limit, rise)
     }
     assert used == RESPONSES.keys()
     assert set(RESPONSES.values()) == set(Response)

@@ -5,7 +5,7 @@ import pytest
 from core_rig import HS, LIMIT_AHEAD, LIMIT_BEHIND, NEAR_AHEAD, error_of, furthest, rig
 
 from homing_node.core.machine import Machine
-from homing_node.core.outcome import Fault
+from homing_node.core.outcome import Failure
 from homing_node.core.profile import Profile
 from homing_node.core.signals import Edge, Switch
 from homing_node.plant.layout import SwitchLayout
@@ -414,8 +414,8 @@ def test_a_limit_behind_that_is_left_may_bounce():
 
 def test_the_first_error_stays():
     hand = Hand('HS').run()
-    hand.machine.fail(Fault(Error.CycleLate, 'late'))
-    hand.machine.fail(Fault(Error.EmergencyStop, 'emergency stop'))
+    hand.machine.fail(Failure(Error.CycleLate, 'late'))
+    hand.machine.fail(Failure(Error.EmergencyStop, 'emergency stop'))
     hand.machine.cancel()
     assert hand.error is Error.CycleLate
     assert hand.machine.ending.message == 'late in HSSearch'
@@ -425,7 +425,7 @@ def test_the_first_error_stays():
 def test_a_harder_stop_that_follows_leaves_the_servo_to_be_switched_off():
     hand = Hand('ZPulse', ls_type='SlowDecServoOff', homing_velocity_slow=0.2).run()
     hand.edge(LIMIT_AHEAD, True).run(1)
-    hand.machine.fail(Fault(Error.EmergencyStop, 'emergency stop'))
+    hand.machine.fail(Failure(Error.EmergencyStop, 'emergency stop'))
     assert hand.machine.ending.servo_off
 
 

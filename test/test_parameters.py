@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 from homing_node.parameters.axis import DEFINITIONS, AxisParameters, axis_parameters, switch_inputs
 from homing_node.parameters.definition import REQUIRED, InvalidParameters
 from homing_node.procedures.motions import Pace, Way
-from homing_node.procedures.states import LIMIT_SWITCHES, Direction, HomeType, Input, LSType, Tier
+from homing_node.procedures.states import (
+    LIMIT_SWITCHES,
+    Direction,
+    HomeType,
+    Input,
+    LimitPair,
+    LSType,
+)
 from homing_node.procedures.tables import PROCEDURES
 
 LEAST = {'home_type': 'HS', 'travel': 0.4}
@@ -540,12 +547,12 @@ def test_paces():
         ('Negative', 'Reverse', 'positive'),
     ],
 )
-@pytest.mark.parametrize('tier', Tier, ids=str)
-def test_which_input_is_ahead(home, ls, ahead, tier):
+@pytest.mark.parametrize('pair', LimitPair, ids=str)
+def test_which_input_is_ahead(home, ls, ahead, pair):
     made = built(home_direction=home, ls_direction=ls)
     behind = 'negative' if ahead == 'positive' else 'positive'
-    assert f'{ahead}_limit_switch' in made.limit_switch(tier, Way.TOWARD)
-    assert f'{behind}_limit_switch' in made.limit_switch(tier, Way.AWAY)
+    assert f'{ahead}_limit_switch' in made.limit_switch(pair, Way.TOWARD)
+    assert f'{behind}_limit_switch' in made.limit_switch(pair, Way.AWAY)
 
 
 INVERSIONS = {
@@ -584,9 +591,9 @@ def test_actions_of_a_pair():
         positive_ls_type='SlowDec',
         negative_ls_type='ServoOff',
     )
-    assert made.ls_types(Tier.HARDWARE) == (LSType.SlowDec, LSType.ServoOff)
-    assert built().ls_types(Tier.HARDWARE) == (LSType.Dec, LSType.Dec)
-    assert built().ls_types(Tier.NEAR) == (LSType.none, LSType.none)
+    assert made.ls_types(LimitPair.HARDWARE) == (LSType.SlowDec, LSType.ServoOff)
+    assert built().ls_types(LimitPair.HARDWARE) == (LSType.Dec, LSType.Dec)
+    assert built().ls_types(LimitPair.NEAR) == (LSType.none, LSType.none)
 
 
 def test_direction_signs():

@@ -15,7 +15,7 @@ from homing_node.procedures.fragments import (
 )
 from homing_node.procedures.motions import AWAY_FAST, TOWARD_FAST, Bound, Kind, Pace, Way
 from homing_node.procedures.procedure import Row
-from homing_node.procedures.states import HomeType, Input, Role, State, Tier
+from homing_node.procedures.states import HomeType, Input, LimitPair, Role, State
 from homing_node.procedures.steps import HOME_SHIFT, HOMED, HS_SEARCH, Step
 from homing_node.procedures.tables import PROCEDURES
 
@@ -103,7 +103,7 @@ def test_a_step_prints_its_state_and_phase():
 
 # ------------------------------------------------------------------------- spec, section 6 and 4
 
-HARDWARE, NEAR, EXTERNAL = Tier.HARDWARE, Tier.NEAR, Tier.EXTERNAL
+HARDWARE, NEAR, EXTERNAL = LimitPair.HARDWARE, LimitPair.NEAR, LimitPair.EXTERNAL
 NORMAL, IGNORED, REFERENCE = Role.NORMAL, Role.IGNORED, Role.REFERENCE
 #: What the hardware, the near and the external limit ahead mean.
 ROLES = {
@@ -119,7 +119,7 @@ ROLES = {
 @EVERY_TYPE
 def test_what_a_limit_ahead_means(home_type):
     roles = ROLES.get(home_type, (NORMAL, NORMAL, NORMAL))
-    assert PROCEDURES[home_type].limits_ahead == dict(zip(Tier, roles, strict=True))
+    assert PROCEDURES[home_type].limits_ahead == dict(zip(LimitPair, roles, strict=True))
 
 
 @EVERY_TYPE

@@ -8,7 +8,7 @@ from ..core.limits import Limit
 from ..procedures.events import Event
 from ..procedures.motions import Way
 from ..procedures.procedure import Row
-from ..procedures.states import Input, Role, Tier
+from ..procedures.states import Input, LimitPair, Role
 from ..procedures.steps import Step
 from .finding import Finding, Severity, down
 from .placed import SIDES, Placed, Stop, ls_type_of
@@ -26,7 +26,7 @@ class Ends(Placed):
             if self._known(row.motion.way):
                 yield from self.hard_stop(step, row, limits, events)
             for one in events + limits:
-                yield from self.next_tier(row, one)
+                yield from self.next_pair(row, one)
         yield from self.flags()
 
     def _known(self, way: Way) -> bool:
@@ -116,11 +116,11 @@ class Ends(Placed):
 
     def _unguarded(self, severity: Severity, subject: str, row: Row) -> Finding:
         velocity, way = self.p.pace(row.motion.pace)[0], row.motion.way
-        tier = next((limit.tier for limit in self.limits.values() if limit.way is way), None)
-        if tier is None:
-            right = 'switches', f'with {self.p.limit_switch(Tier.HARDWARE, way)}'
+        pair = next((limit.pair for limit in self.limits.values() if limit.way is way), None)
+        if pair is None:
+            right = 'switches', f'with {self.p.limit_switch(LimitPair.HARDWARE, way)}'
         else:
-            right = 'ls_type' if tier is Tier.HARDWARE else f'{tier}_ls_type', 'Dec'
+            right = 'ls_type' if pair is LimitPair.HARDWARE else f'{pair}_ls_type', 'Dec'
         return self.found(
             severity,
             'end-unguarded',
@@ -143,7 +143,7 @@ class Ends(Placed):
             return flag.leaves(Way.TOWARD) < self.at.stops[Way.TOWARD]
         return Event.HS_FALLS in row.on
 
-    def next_tier(self, row: Row, one: Stop) -> Iterator[Finding]:
+    def next_pair(self, row: Row, one: Stop) -> Iterator[Finding]:
         """Check whether the overrun of a switch reaches the next limit switch."""
         velocity, way = self.p.pace(row.motion.pace)[0], row.motion.way
         further = [

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterable
 from math import ceil, floor, isfinite, log10
 from typing import NamedTuple
 
-from ..procedures.states import Word
+from ..procedures.states import TextEnum
 
 
-class Severity(Word):
+class Severity(TextEnum):
     """How bad a finding is."""
 
     error = 'error'  # a run fails, or something is hit

@@ -17,7 +17,7 @@ from ..plant.timing import Timing
 from ..procedures.events import Event
 from ..procedures.motions import Kind, Way
 from ..procedures.procedure import Row
-from ..procedures.states import HomeType, Input, Role, Tier
+from ..procedures.states import HomeType, Input, LimitPair, Role
 from ..procedures.steps import Step
 from .finding import Finding, Severity, down
 from .stopping import fastest, reaction_distance, stopping_distance, turning_distance
@@ -124,7 +124,7 @@ class Placed:
             flag = self.at.flags.get(name)
             if limit.way is not way or flag is None or not self.acts(limit):
                 continue
-            target = p.procedure.target is limit.tier
+            target = p.procedure.target is limit.pair
             event = Event.LS_RISES if target else Event.LIMIT_AHEAD
             place = flag.enters(way)
             steers = event in row.on and limit.role in (Role.REFERENCE, Role.REVERSAL)
@@ -246,4 +246,4 @@ def _longest(distances: list[Distance], velocity: float) -> float:
 
 def ls_type_of(limit: Limit) -> str:
     """Return the parameter that tells what a limit switch does."""
-    return 'ls_type' if limit.tier is Tier.HARDWARE else f'{limit.tier}_ls_type'
+    return 'ls_type' if limit.pair is LimitPair.HARDWARE else f'{limit.pair}_ls_type'

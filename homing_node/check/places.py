@@ -8,7 +8,7 @@ from ..core.limits import Limit
 from ..plant.geometry import Flag
 from ..procedures.events import Event
 from ..procedures.motions import Way
-from ..procedures.states import LIMIT_PAIRS, LIMIT_SWITCHES, Input, LSDirection, Tier
+from ..procedures.states import LIMIT_PAIRS, LIMIT_SWITCHES, Input, LimitPair, LSDirection
 from .finding import Finding, Severity, up
 from .placed import SIDES, Placed
 from .stopping import stopping_distance
@@ -26,8 +26,8 @@ class Places(Placed):
         yield from self.wiring()
         yield from self.polarity()
         yield from self.travel()
-        for tier in Tier:
-            yield from self.pair(tier)
+        for pair in LimitPair:
+            yield from self.limit_pair(pair)
         yield from self.limit_flags()
         yield from self.home_switch()
 
@@ -100,10 +100,10 @@ class Places(Placed):
                 float(f'{span:.6g}'),
             )
 
-    def pair(self, tier: Tier) -> Iterator[Finding]:
+    def limit_pair(self, pair: LimitPair) -> Iterator[Finding]:
         """Check a pair of limit switches: which is where, and that the axis fits between them."""
         p, at = self.p, self.at
-        switches = {way: p.limit_switch(tier, way) for way in (Way.TOWARD, Way.AWAY)}
+        switches = {way: p.limit_switch(pair, way) for way in (Way.TOWARD, Way.AWAY)}
         wired = {
             way: at.flags[name]
             for way, name in switches.items()
@@ -120,7 +120,7 @@ class Places(Placed):
             yield self.found(
                 Severity.error,
                 'limits-swapped',
-                f'the {tier} limit switches are at the wrong ends',
+                f'the {pair} limit switches are at the wrong ends',
                 'the axis meets the one that should guard the other end',
                 'ls_direction',
                 str(p.ls_direction),
@@ -131,10 +131,10 @@ class Places(Placed):
             yield self.found(
                 Severity.error,
                 'limits-overlap',
-                f'the {tier} limit switches are on together over '
+                f'the {pair} limit switches are on together over '
                 f'{min(ahead.high, behind.high) - max(ahead.low, behind.low):.4g} m',
                 'a run that comes there ends with LimitsBothOn',
-                str(LIMIT_PAIRS[tier][0]),
+                str(LIMIT_PAIRS[pair][0]),
                 behind.high - ahead.low,
             )
 

@@ -7,7 +7,7 @@ from math import isfinite
 from ..core.limits import Limit
 from ..plant.geometry import true_home
 from ..procedures.motions import Pace, Way
-from ..procedures.states import HomeType, Tier
+from ..procedures.states import HomeType, LimitPair
 from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE
 from .finding import Finding, Severity, down, up
 from .placed import SIDES, Placed
@@ -47,7 +47,7 @@ class Shift(Placed):
             (flag.enters(way), limit)
             for name, limit in self.limits.items()
             if limit.way is way
-            and limit.bars_home
+            and limit.blocks_home
             and (flag := self.at.flags.get(name)) is not None
         )
 
@@ -116,7 +116,7 @@ class Shift(Placed):
                     'no limit switch acts before it',
                     'switches',
                     shift,
-                    f'with {p.limit_switch(Tier.HARDWARE, way)}',
+                    f'with {p.limit_switch(LimitPair.HARDWARE, way)}',
                 )
             return
         place, limit = limits[0]

@@ -16,9 +16,9 @@ from ..procedures.states import (
     LIMIT_SWITCHES,
     HomeType,
     Input,
+    LimitPair,
     LSType,
     Role,
-    Tier,
 )
 from ..procedures.steps import HOME_SHIFT
 from .finding import Finding, Severity, down, up
@@ -86,30 +86,30 @@ class _Values:
                     str(name),
                     f'without {name}',
                 )
-        for tier in (Tier.NEAR, Tier.EXTERNAL):
-            for switch, ls_type in zip(LIMIT_PAIRS[tier], p.ls_types(tier), strict=True):
+        for pair in (LimitPair.NEAR, LimitPair.EXTERNAL):
+            for switch, ls_type in zip(LIMIT_PAIRS[pair], p.ls_types(pair), strict=True):
                 if ls_type is LSType.none and switch in p.switches:
                     yield self.found(
                         Severity.warning,
                         'limit-disabled',
                         f'{switch} is in switches, but its LS Type is None',
                         'it is ignored',
-                        f'{tier}_ls_type',
+                        f'{pair}_ls_type',
                         'None',
                         'Dec',
                     )
-            if any(one is not LSType.none for one in p.ls_types(tier)) and not any(
-                switch in p.switches for switch in LIMIT_PAIRS[tier]
+            if any(one is not LSType.none for one in p.ls_types(pair)) and not any(
+                switch in p.switches for switch in LIMIT_PAIRS[pair]
             ):
                 yield self.found(
                     Severity.warning,
                     'limit-not-wired',
-                    f'{tier}_ls_type is {getattr(p, f"{tier}_ls_type")}, but neither of the '
-                    f'{tier} limit switches is in switches',
+                    f'{pair}_ls_type is {getattr(p, f"{pair}_ls_type")}, but neither of the '
+                    f'{pair} limit switches is in switches',
                     'they cannot act',
                     'switches',
                     None,
-                    f'with {" and ".join(LIMIT_PAIRS[tier])}',
+                    f'with {" and ".join(LIMIT_PAIRS[pair])}',
                 )
 
     def unplaced(self) -> Iterator[Finding]:
@@ -130,7 +130,7 @@ class _Values:
                     'misses its switch',
                     'switches',
                     None,
-                    f'with {self.p.limit_switch(Tier.HARDWARE, way)}',
+                    f'with {self.p.limit_switch(LimitPair.HARDWARE, way)}',
                 )
             elif not any(
                 limit.action or limit.role in (Role.REVERSAL, Role.REFERENCE) for limit in here

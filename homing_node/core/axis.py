@@ -15,7 +15,7 @@ from .edge_queue import EdgeQueue
 from .history import History
 from .limits import Action
 from .machine import Machine
-from .outcome import Fault, Outcome
+from .outcome import Failure, Outcome
 from .profile import Profile
 from .readings import Readings
 from .result import outcome_of
@@ -143,9 +143,9 @@ class Axis:
             return self._refused(
                 Error.ServoOff, 'the servo was switched off; switch it on by the servo service'
             )
-        faults = p.cross_check()
-        if faults:
-            return self._refused(Error.InvalidParameter, '; '.join(faults))
+        problems = p.cross_check()
+        if problems:
+            return self._refused(Error.InvalidParameter, '; '.join(problems))
         if not self.known:
             return self._refused(
                 Error.FeedbackStale, f'no feedback yet for joint {p.joint or self.name!r}'
@@ -189,21 +189,21 @@ class Axis:
             self.machine.resume()
 
     def stop(self, error: Error, message: str) -> None:
-        """End the run, if one is on, with a fault: a stop with ls_dec."""
+        """End the run, if one is on, with an error: a stop with ls_dec."""
         self._fail(error, message)
 
-    def held_up(self, since: float, message: str) -> None:
+    def cycle_was_late(self, since: float, message: str) -> None:
         """Take that no cycle came since a time; a run that began later has missed none."""
         if self.machine is not None and self.machine.now < since:
             self.stop(Error.CycleLate, message)
 
-    def set_back(self, now: float) -> None:
+    def time_jumped_back(self, now: float) -> None:
         """Forget what was known at times that come once more, for time was set back.
 
         The levels stay, as if told now. The feedback has to come anew; the home is lost with it.
         """
         self._settle_switches(math.inf)
-        self._readings.set_back(now)
+        self._readings.time_jumped_back(now)
         self._edges.clear()
         self._settling.restart()
         self.homed = False
@@ -271,7 +271,7 @@ class Axis:
         return 0.0 if self.machine is None else self.machine.torque_limit
 
     @property
-    def shown(self) -> tuple[object, ...]:
+    def fingerprint(self) -> tuple[object, ...]:
         """What differs wherever something changes that others watch; each end of a run does."""
         machine = self.machine
         if machine is None:
@@ -380,4 +380,4 @@ class Axis:
 
     def _fail(self, error: Error, text: str, action: Action | None = None) -> None:
         if self.machine is not None:
-            self.machine.fail(Fault(error, text), action)
+            self.machine.fail(Failure(error, text), action)

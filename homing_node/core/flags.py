@@ -35,7 +35,7 @@ class FlagEnds:
             edge.position <= opposite.position + self._bounce_distance
         )
 
-    def came_in_at(self, edge: Edge) -> bool:
+    def at_entry(self, edge: Edge) -> bool:
         """Tell whether an edge going away is at the end where the axis came in, not at the other.
 
         It lies no further toward than that end did going toward (where it had the opposite

@@ -13,7 +13,7 @@ from ..parameters.axis import AxisParameters
 from ..procedures.events import Event
 from ..procedures.motions import Way
 from ..procedures.states import Error, Input
-from .outcome import Fault
+from .outcome import Failure
 from .signals import Mark
 
 #: Spacings that the pitch is taken from.
@@ -61,7 +61,7 @@ class Latches:
         ]
         return min(beyond) / self.pitch if beyond and self.pitch else None
 
-    def margin_fault(self, margin: float) -> Fault | None:
+    def margin_failure(self, margin: float) -> Failure | None:
         """Return what is wrong with a margin, and where the switch should be, None if it is fine.
 
         Half a pitch is best. Source: SERCOS S-0-0298, home switch distance.
@@ -70,7 +70,7 @@ class Latches:
         if least <= margin <= 1.0 - least:
             return None
         shift = (margin - 0.5) * pitch
-        return Fault(
+        return Failure(
             Error.IndexMarginError,
             f'the Z-pulse lies {margin:.3f} of its pitch ({pitch:.6g} m) behind the edge that '
             f'arms it, not within {least:g} to {1.0 - least:g} (index_margin)',
@@ -81,11 +81,11 @@ class Latches:
 
     def found(
         self, events: Iterable[Event], origin: float, way: Way, feedback: float
-    ) -> tuple[Event, Mark] | Fault | None:
+    ) -> tuple[Event, Mark] | Failure | None:
         """Return the latch that a row waits for: of those beyond an origin, the n-th.
 
         ``events`` are the row's latches. One ahead of the feedback has to wait: it may be
-        nonsense. A Fault where Z-pulses are too far apart or do not come.
+        nonsense. A Failure where Z-pulses are too far apart or do not come.
         """
         p = self._parameters
         for event in events:
@@ -100,27 +100,27 @@ class Latches:
                 ),
                 key=lambda latch: latch * way,
             )[:count]
-            fault = self._spacing_fault(beyond) if z_pulse else None
-            if fault is not None:
-                return fault
+            failure = self._spacing_failure(beyond) if z_pulse else None
+            if failure is not None:
+                return failure
             if len(beyond) == count:
                 return event, Mark(beyond[-1])
             missing = (feedback - (beyond[-1] if beyond else origin)) * way
             if z_pulse and p.max_z_pulse_distance and missing > p.max_z_pulse_distance:
-                return Fault(
+                return Failure(
                     Error.ZPulseNotFound,
                     f'no Z-pulse within {p.max_z_pulse_distance:.6g} m (max_z_pulse_distance)',
                     'is the index wired, and its pitch shorter than the bound?',
                 )
         return None
 
-    def _spacing_fault(self, latches: Iterable[float]) -> Fault | None:
+    def _spacing_failure(self, latches: Iterable[float]) -> Failure | None:
         p = self._parameters
         expected, tolerance = p.z_pulse_distance_check, p.z_pulse_distance_tolerance
         for one, another in pairwise(latches):
             apart = abs(another - one)
             if expected and abs(apart - expected) > expected * tolerance:
-                return Fault(
+                return Failure(
                     Error.ZPulseDistanceCheckError,
                     f'two Z-pulses are {apart:.6g} m apart, not {expected:.6g} m '
                     f'+- {100 * tolerance:.3g} % (z_pulse_distance_check)',

@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 from ..parameters.axis import AxisParameters
 from ..procedures.motions import Way
-from ..procedures.states import LATCHES, LIMIT_PAIRS, Input, LSType, Role, Tier, Word
+from ..procedures.states import LATCHES, LIMIT_PAIRS, Input, LimitPair, LSType, Role, TextEnum
 from .signals import Edge, Switch
 
 
@@ -50,7 +50,7 @@ class Limit(NamedTuple):
     """
 
     input: Input
-    tier: Tier
+    pair: LimitPair
     way: Way
     role: Role
     action: Action | None
@@ -61,7 +61,7 @@ class Limit(NamedTuple):
         return f'{self.input.text} ({side})'
 
     @property
-    def bars_home(self) -> bool:
+    def blocks_home(self) -> bool:
         """Whether it ends a motion into it that would go to the home position."""
         if self.role is Role.NORMAL:
             return self.action is not None
@@ -87,20 +87,20 @@ def limits_of(parameters: AxisParameters) -> dict[Input, Limit]:
     ahead = parameters.procedure.limits_ahead
     ignore = parameters.mechanical_end_detection_ignore_ls
     limits = {}
-    for tier in Tier:
+    for pair in LimitPair:
         for way in (Way.TOWARD, Way.AWAY):
-            switch = parameters.limit_switch(tier, way)
+            switch = parameters.limit_switch(pair, way)
             if switch not in wired:
                 continue
-            ls_type = parameters.ls_types(tier)[LIMIT_PAIRS[tier].index(switch)]
-            role = ahead[tier] if way is Way.TOWARD else Role.NORMAL
+            ls_type = parameters.ls_types(pair)[LIMIT_PAIRS[pair].index(switch)]
+            role = ahead[pair] if way is Way.TOWARD else Role.NORMAL
             if way is Way.TOWARD and ignore and parameters.homes_on_mechanical_end:
                 role = Role.IGNORED
-            limits[switch] = Limit(switch, tier, way, role, ls_action(ls_type, parameters))
+            limits[switch] = Limit(switch, pair, way, role, ls_action(ls_type, parameters))
     return limits
 
 
-class Situation(Word):
+class Situation(TextEnum):
     """What the axis does when a limit rises, seen from that limit."""
 
     STOPPING_INTO = 'the run has ended, and the axis stops; it still moves into the limit'
@@ -115,7 +115,7 @@ class Situation(Word):
     AT_REST = 'it rests, or comes to rest away from the limit'
 
 
-class Response(Word):
+class Response(TextEnum):
     """What the rise of a limit does."""
 
     IGNORE = 'nothing'
@@ -176,7 +176,7 @@ RESPONSES: Mapping[tuple[Way, Situation, Role], Response] = MappingProxyType(
 )
 
 
-class Moment(NamedTuple):
+class Rise(NamedTuple):
     """What the axis does at the moment when a limit rises.
 
     Attributes:
@@ -202,32 +202,32 @@ class Moment(NamedTuple):
     all_ls: bool = False
 
 
-def situation_of(limit: Limit, moment: Moment) -> Situation:
+def situation_of(limit: Limit, rise: Rise) -> Situation:
     """Return what the axis does, seen from a limit that rises."""
-    into = moment.velocity * limit.way > 0.0
-    away = moment.velocity * limit.way < 0.0
-    acts_both_ways = moment.all_ls and limit.role is Role.NORMAL
-    if moment.stopping:
+    into = rise.velocity * limit.way > 0.0
+    away = rise.velocity * limit.way < 0.0
+    acts_both_ways = rise.all_ls and limit.role is Role.NORMAL
+    if rise.stopping:
         acts = into or (away and acts_both_ways)
         return Situation.STOPPING_INTO if acts else Situation.STOPPING
-    if moment.awaited:
+    if rise.awaited:
         return Situation.AWAITED
     if limit.way is Way.AWAY:
         if away:
-            return Situation.JUST_LEFT if moment.just_left else Situation.AWAY
-    elif into and moment.braking:
-        return Situation.TURNING_FOR_IT if moment.turned_by_it else Situation.BRAKING_INTO
-    if into or moment.heading is limit.way or (away and acts_both_ways):
+            return Situation.JUST_LEFT if rise.just_left else Situation.AWAY
+    elif into and rise.braking:
+        return Situation.TURNING_FOR_IT if rise.turned_by_it else Situation.BRAKING_INTO
+    if into or rise.heading is limit.way or (away and acts_both_ways):
         ahead = limit.way is Way.TOWARD
-        return Situation.HOME_INTO if ahead and moment.to_home else Situation.INTO
+        return Situation.HOME_INTO if ahead and rise.to_home else Situation.INTO
     return Situation.AWAY if away else Situation.AT_REST
 
 
-def response_to(limit: Limit, moment: Moment) -> Response:
+def response_to(limit: Limit, rise: Rise) -> Response:
     """Return what the rise of a limit does."""
     if limit.role is Role.IGNORED:
         return Response.IGNORE
-    response = RESPONSES[limit.way, situation_of(limit, moment), limit.role]
+    response = RESPONSES[limit.way, situation_of(limit, rise), limit.role]
     if limit.action is None and response in NEED_ACTION:
         return Response.IGNORE
     return response
@@ -281,7 +281,7 @@ class LimitSwitches:
     def blocking(self, way: Way, home: bool, feedback: float) -> Limit | None:
         """Return the limit that forbids a motion that way; ``home``: to the home position."""
         for limit in self._limits.values():
-            bars = limit.bars_home if home else limit.role is Role.NORMAL and limit.action
+            bars = limit.blocks_home if home else limit.role is Role.NORMAL and limit.action
             if limit.way is way and bars and self._reached(limit, feedback):
                 return limit
         return None

@@ -17,9 +17,9 @@ from ..procedures.procedure import Row
 from ..procedures.states import Error, Input, State
 from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Step
 from .ending import Ending
-from .limits import Action, Limit, LimitSwitches, Moment, Response, response_to
+from .limits import Action, Limit, LimitSwitches, Response, Rise, response_to
 from .movement import Movement
-from .outcome import Fault
+from .outcome import Failure
 from .passes import Passes
 from .profile import Profile
 from .signals import Edge, Mark, Switch, Track
@@ -174,14 +174,14 @@ class Machine:
         if limit is None:
             return
         self._both_on()
-        action, response = limit.action, response_to(limit, self._moment(limit))
+        action, response = limit.action, response_to(limit, self._rise_of(limit))
         if response is Response.ACT and action:
             self.ending.stop(action)
         elif response is Response.BRAKE_HARDER and action:
             self.profile.brake_harder(action.deceleration or self.parameters.ls_dec)
         elif response is Response.FAIL_SWAPPED:
             self.fail(
-                Fault(
+                Failure(
                     Error.LSTriggered,
                     f'the {limit.name} rose while the axis moved toward',
                     'are the limit inputs swapped, or is home_direction wrong?',
@@ -191,7 +191,7 @@ class Machine:
         elif response in (Response.FAIL, Response.FAIL_ALWAYS):
             second = self._reversed and limit.way is Way.TOWARD
             again = ' for the second time in this run' if second else ''
-            self.fail(Fault(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
+            self.fail(Failure(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
 
     def limit_falls(self, switch: Input) -> None:
         """Remember where a limit was left, so that its bounce is not taken for a hit."""
@@ -201,14 +201,14 @@ class Machine:
         """Take a latched position of the Z-pulse or the touch probe."""
         self._movement.latches.add(source, position)
 
-    def fail(self, fault: Fault, action: Action | None = None) -> None:
+    def fail(self, failure: Failure, action: Action | None = None) -> None:
         """End the run with an error: a stop with ls_dec unless an action says otherwise.
 
         The first error stays; a stronger stop that comes later takes over.
         """
         if not self.ending.stopping:
-            hint = fault.hint and f'; {fault.hint}'
-            self._give_up(fault.error, f'{fault.seen} in {self.state}{hint}')
+            hint = failure.hint and f'; {failure.hint}'
+            self._give_up(failure.error, f'{failure.seen} in {self.state}{hint}')
         self.ending.stop(action or Action(self.parameters.ls_dec))
 
     def warn(self, text: str) -> None:
@@ -240,15 +240,15 @@ class Machine:
             return
         movement = self._movement
         movement.follow(feedback)
-        fault = self._rules.broken(movement.leg, self.profile.position, feedback, now)
-        if fault is not None:
-            self.fail(fault)
+        failure = self._rules.broken(movement.leg, self.profile.position, feedback, now)
+        if failure is not None:
+            self.fail(failure)
             return
         while not (self.paused or self.ending.stopping or self.finished):
             found = movement.event(now, feedback)
             if found is None:
                 return
-            if isinstance(found, Fault):
+            if isinstance(found, Failure):
                 self.fail(found)
             else:
                 self._advance(*found)
@@ -266,7 +266,7 @@ class Machine:
         if event is Event.LIMIT_AHEAD:
             if self._reversed:
                 self.fail(
-                    Fault(
+                    Failure(
                         Error.LSTriggered,
                         'a limit ahead was hit for the second time in this run',
                         'is the home switch between the limits, and does it hold its level?',
@@ -285,9 +285,9 @@ class Machine:
             self.finished = True
             return
         if step is HOME_SHIFT_MOVE and self.passes.fine:
-            fault = self.passes.disagreement()
-            if fault is not None:
-                self.fail(fault)
+            failure = self.passes.disagreement()
+            if failure is not None:
+                self.fail(failure)
                 return
             self.reference = self.passes.mean
         elif event is Event.HS_RISES and step is not HOME_SHIFT:
@@ -343,11 +343,11 @@ class Machine:
 
     # ------------------------------------------------------------------------------- the switches
 
-    def _moment(self, limit: Limit) -> Moment:
+    def _rise_of(self, limit: Limit) -> Rise:
         """Return what the axis does now, for the response to a limit's rise."""
         motion, cause = self.row.motion, self._cause
         rests = self.paused or motion.kind is Kind.REST
-        return Moment(
+        return Rise(
             velocity=self.profile.velocity,
             heading=Way.NONE if rests else self._movement.leg.way,
             stopping=self.ending.stopping,
@@ -365,7 +365,7 @@ class Machine:
         if limit is None:
             return False
         seen = f'the {limit.name} is on; a motion into it is not started'
-        self.fail(Fault(Error.LSTriggered, seen), limit.action)
+        self.fail(Failure(Error.LSTriggered, seen), limit.action)
         return True
 
     def _both_on(self) -> bool:
@@ -374,7 +374,7 @@ class Machine:
         if pair is None:
             return False
         self.fail(
-            Fault(
+            Failure(
                 Error.LimitsBothOn,
                 f'{pair[0].text} and {pair[1].text} are on together',
                 'wiring, or polarity (invert_..._ls_polarity)?',

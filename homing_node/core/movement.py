@@ -15,7 +15,7 @@ from ..procedures.procedure import Row
 from ..procedures.states import IndexMarginAction
 from .latches import Latches
 from .mechanical_end import MechanicalEnd
-from .outcome import Fault
+from .outcome import Failure
 from .profile import Dynamics, Profile
 from .signals import Edge, Mark
 from .travel import Leg
@@ -71,7 +71,7 @@ class Movement:
         self._warn = warn
         self._row: Row = parameters.procedure.rows[parameters.procedure.first]
         self._cause = Mark(feedback)
-        self._own_event: Callable[[float, float], Found | Fault | None] | None = None
+        self._own_event: Callable[[float, float], Found | Failure | None] | None = None
         self._further = False  # the homing reverse distance has a target
 
     def heading(self, motion: Motion, reference: Mark | None) -> tuple[Way, float]:
@@ -116,11 +116,11 @@ class Movement:
         if self.leg.update(feedback, self._profile.position):
             self.latches.forget()
 
-    def event(self, now: float, feedback: float) -> Found | Fault | None:
+    def event(self, now: float, feedback: float) -> Found | Failure | None:
         """Return the event that the motion has brought about, or why it never will."""
         return None if self._own_event is None else self._own_event(now, feedback)
 
-    def _own_event_of(self, row: Row) -> Callable[[float, float], Found | Fault | None] | None:
+    def _own_event_of(self, row: Row) -> Callable[[float, float], Found | Failure | None] | None:
         """Return what looks for the event of a row's motion; None if only switches end it."""
         if row.motion.kind is Kind.SEARCH:
             if row.latches:
@@ -155,7 +155,7 @@ class Movement:
             return None
         return Event.END_DETECTED, Mark(feedback)
 
-    def _latched(self, now: float, feedback: float) -> Found | Fault | None:
+    def _latched(self, now: float, feedback: float) -> Found | Failure | None:
         """Return the latch beyond the row's edge or, without one, beyond the turning point."""
         cause, way = self._cause, self._row.motion.way
         if not cause.resolved:
@@ -163,20 +163,20 @@ class Movement:
         armed_by_edge = isinstance(cause, Edge)
         origin = cause.position if armed_by_edge else self.leg.feedback
         found = self.latches.found(self._row.latches, origin, way, feedback)
-        if found is None or isinstance(found, Fault):
+        if found is None or isinstance(found, Failure):
             return found
         if found[0] is Event.Z_PULSE and armed_by_edge:
             return self._too_close(origin, way) or found
         return found
 
-    def _too_close(self, edge: float, way: Way) -> Fault | None:
+    def _too_close(self, edge: float, way: Way) -> Failure | None:
         """Return why the edge that armed the Z-pulse lies too close to a pulse, if that is so."""
         action = self._parameters.index_margin_action
         self.index_margin = margin = self.latches.margin(edge, way)
-        fault = None if margin is None else self.latches.margin_fault(margin)
-        if fault is None or action is IndexMarginAction.none:
+        failure = None if margin is None else self.latches.margin_failure(margin)
+        if failure is None or action is IndexMarginAction.none:
             return None
         if action is IndexMarginAction.Warn:
-            self._warn(f'{fault.seen}; {fault.hint}')
+            self._warn(f'{failure.seen}; {failure.hint}')
             return None
-        return fault
+        return failure

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from ..procedures.states import Error
 
 
-class Fault(NamedTuple):
+class Failure(NamedTuple):
     """Why a run cannot go on: the error, what was seen, what may be the reason."""
 
     error: Error

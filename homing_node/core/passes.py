@@ -8,7 +8,7 @@ from statistics import fmean, pstdev
 
 from ..parameters.axis import AxisParameters
 from ..procedures.states import Error
-from .outcome import Fault
+from .outcome import Failure
 from .signals import Edge, Mark
 
 
@@ -48,7 +48,7 @@ class Passes:
             fmean(mark.position for mark in self.fine), max(mark.uncertainty for mark in self.fine)
         )
 
-    def disagreement(self) -> Fault | None:
+    def disagreement(self) -> Failure | None:
         """Return why the passes are no home: they disagree with each other or the coarse one.
 
         A coarse pass is compared only with an edge: a pulse or a probe lies elsewhere.
@@ -57,14 +57,14 @@ class Passes:
         if self.coarse is not None and self.fine and isinstance(self.fine[0], Edge):
             apart = abs(self.fine[0].position - self.coarse.position)
             if apart > p.edge_agreement:
-                return Fault(
+                return Failure(
                     Error.EdgeNotRepeated,
                     f'the second pass found the home switch {apart:.6g} m from the first, more '
                     f'than {p.edge_agreement:.6g} m (edge_tolerance)',
                     'noise on the switch, or late messages?',
                 )
         if self.range > p.repeat_agreement:
-            return Fault(
+            return Failure(
                 Error.EdgeNotRepeated,
                 f'{len(self.fine)} passes spread over {self.range:.6g} m, more than '
                 f'{p.repeat_agreement:.6g} m (repeat_tolerance)',

@@ -168,10 +168,10 @@ class Profile:
                 result = self._otg.update(inp, out)
                 break
             except RuckigError as error:
-                fault = error
+                problem = error
                 inp.max_jerk = [inp.max_jerk[0] * (1.0 - OFF_THE_POINT)]
         else:
-            raise ArithmeticError(f'no trajectory: {fault}')
+            raise ArithmeticError(f'no trajectory: {problem}')
         out.pass_to_input(inp)
         (self.position,) = out.new_position
         (self.velocity,) = out.new_velocity

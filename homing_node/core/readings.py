@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from ..parameters.axis import AxisParameters, switch_inputs
 from ..procedures.states import Error, Input
-from .outcome import Fault
+from .outcome import Failure
 from .signals import Edge, Switch, Track
 
 #: The arrival of a message that never came.
@@ -98,7 +98,7 @@ class Readings:
                     yield edge
         self.unsettled = any(switch.unsettled for switch in self.switches.values())
 
-    def set_back(self, now: float) -> None:
+    def time_jumped_back(self, now: float) -> None:
         """Forget the times of all that was received, because simulated time jumped back.
 
         The levels stay, as if just received. The feedback must arrive again.
@@ -122,19 +122,19 @@ class Readings:
 
     # --------------------------------------------------------------------------- known and fresh
 
-    def unready(self, now: float) -> Fault | None:
+    def unready(self, now: float) -> Failure | None:
         """Return which input keeps a run from starting, None if all are known and fresh."""
         old = self._old_feedback(now)
         if old is not None:
             return old
         unknown = self.unknown_inputs
         if unknown:
-            return Fault(Error.SwitchUnknown, f'no message yet from {", ".join(unknown)}')
+            return Failure(Error.SwitchUnknown, f'no message yet from {", ".join(unknown)}')
         if self._servo_wired and not self.servo_enabled:
-            return Fault(Error.ServoOff, 'the drive reports its servo off')
+            return Failure(Error.ServoOff, 'the drive reports its servo off')
         return self._old_switch(now)
 
-    def stale(self, now: float) -> Fault | None:
+    def stale(self, now: float) -> Failure | None:
         """Return which input is too old for the run to go on, None if all are fresh."""
         return self._old_feedback(now) or self._old_switch(now)
 
@@ -151,21 +151,21 @@ class Readings:
     def _servo_wired(self) -> bool:
         return Input.SERVO_ENABLED in self._parameters.inputs
 
-    def _old_feedback(self, now: float) -> Fault | None:
+    def _old_feedback(self, now: float) -> Failure | None:
         limit = self._parameters.feedback_timeout
         if self.feedback_is_fresh(now):
             return None
-        return Fault(
+        return Failure(
             Error.FeedbackStale,
             f'the feedback is {now - self.arrival:.3f} s old, more than {limit:g} s '
             '(feedback_timeout)',
         )
 
-    def _old_switch(self, now: float) -> Fault | None:
+    def _old_switch(self, now: float) -> Failure | None:
         limit = self._parameters.switch_timeout
         for switch in self.switches.values():
             if limit and now - switch.seen > limit:
-                return Fault(
+                return Failure(
                     Error.SwitchStale,
                     f'{switch.input.text} is {now - switch.seen:.3f} s old, more than '
                     f'{limit:g} s (switch_timeout)',

@@ -56,7 +56,7 @@ class SwitchEvents:
             return False
         if row.motion.way is Way.TOWARD:
             return edge.rises or not self._flags.bounces(edge)
-        return self._flags.came_in_at(edge)
+        return self._flags.at_entry(edge)
 
     def holds(self, condition: Event, feedback: float) -> bool:
         """Return whether a condition of a row holds when the row is entered."""

@@ -11,11 +11,11 @@ from ..procedures.events import Event
 from ..procedures.motions import Bound, Kind, Way
 from ..procedures.procedure import Row
 from ..procedures.states import Error
-from .outcome import Fault
+from .outcome import Failure
 from .signals import Track
 
 #: What to say of an event that did not come.
-MISSED = {
+NOT_SEEN = {
     Event.HS_RISES: 'the home switch did not rise',
     Event.HS_FALLS: 'the home switch did not fall',
     Event.LS_RISES: 'the limit switch did not rise',
@@ -135,19 +135,19 @@ class Rules:
         searching = row.motion.kind is Kind.SEARCH
         self.distance = own or p.search_distance if searching else math.inf
         self._following = math.inf if Event.END_DETECTED in row.on else self._following_error
-        self._missed = ' and '.join(MISSED[event] for event in row.on if event in MISSED)
+        self._missed = ' and '.join(NOT_SEEN[event] for event in row.on if event in NOT_SEEN)
 
-    def broken(self, leg: Leg, command: float, feedback: float, now: float) -> Fault | None:
+    def broken(self, leg: Leg, command: float, feedback: float, now: float) -> Failure | None:
         """Return the rule that the motion breaks, None while it keeps them all."""
         gone, distance = leg.gone, self.distance
         if gone > distance or leg.traveled > distance:
-            return Fault(
+            return Failure(
                 self._bound.error,
                 f'{self._missed} within {self.distance:.6g} m ({self._name})',
                 HINTS[self._bound],
             )
         if abs(command - feedback) > self._following:
-            return Fault(
+            return Failure(
                 Error.FollowingError,
                 f'command - feedback is {command - feedback:.6g} m, more than '
                 f'{self._following:.6g} m (following_error)',
@@ -155,14 +155,14 @@ class Rules:
             )
         against, limit = leg.against, self._wrong_direction
         if gone >= limit and against > 0.5 * limit:
-            return Fault(
+            return Failure(
                 Error.WrongDirection,
                 f'the feedback went {against:.6g} m against the command, which went {gone:.6g} m '
                 f'({limit:.6g} m is wrong_direction_distance)',
                 'is the encoder inverted?',
             )
         if now > self.deadline:
-            return Fault(
+            return Failure(
                 Error.Timeout, f'not ended within {self._parameters.run_timeout:.6g} s (timeout)'
             )
         return None

@@ -24,7 +24,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..course import Course, Sample
 from ..plant.layout import AxisLayout
-from ..procedures.states import LATCHES, LIMIT_SWITCHES, Input, State, Word
+from ..procedures.states import LATCHES, LIMIT_SWITCHES, Input, State, TextEnum
 from .palette import (
     BLUE,
     DARK_GREEN,
@@ -41,7 +41,7 @@ from .palette import (
 )
 
 
-class Panel(Word):
+class Panel(TextEnum):
     """A part of the picture; all parts share the time axis."""
 
     POSITION = 'position'

@@ -18,10 +18,10 @@ from ..procedures.states import (
     Direction,
     HomeType,
     Input,
+    LimitPair,
     LSDirection,
     LSType,
     Role,
-    Tier,
 )
 from ..procedures.tables import PROCEDURES
 from .axis_fields import AxisFields
@@ -105,9 +105,9 @@ class AxisParameters(AxisFields):
             needed += distance / velocity + ramps + 2 * jerks
         return 1.5 * ((1 + self.repeat) * needed + self.mechanical_end_detection_time + 0.5)
 
-    def ls_types(self, tier: Tier) -> tuple[LSType, LSType]:
+    def ls_types(self, pair: LimitPair) -> tuple[LSType, LSType]:
         """Return the actions of the positive and the negative input of a pair."""
-        prefix = '' if tier is Tier.HARDWARE else f'{tier}_'
+        prefix = '' if pair is LimitPair.HARDWARE else f'{pair}_'
         both: LSType = getattr(self, f'{prefix}ls_type')
         if both is not LSType.SeparatePositiveLSNegativeLS:
             return both, both
@@ -116,9 +116,9 @@ class AxisParameters(AxisFields):
             getattr(self, f'{prefix}negative_ls_type'),
         )
 
-    def limit_switch(self, tier: Tier, way: Way) -> Input:
+    def limit_switch(self, pair: LimitPair, way: Way) -> Input:
         """Return the input of a pair that sits at the toward or the away end."""
-        positive, negative = LIMIT_PAIRS[tier]
+        positive, negative = LIMIT_PAIRS[pair]
         positive_end = (way is Way.TOWARD) == (self.home_direction is Direction.Positive)
         swapped = self.ls_direction is LSDirection.Reverse
         return positive if positive_end != swapped else negative
@@ -133,8 +133,8 @@ class AxisParameters(AxisFields):
         """The inputs that are wired and enabled (a near or external limit needs a type)."""
         disabled = {
             switch
-            for tier in (Tier.NEAR, Tier.EXTERNAL)
-            for switch, ls_type in zip(LIMIT_PAIRS[tier], self.ls_types(tier), strict=True)
+            for pair in (LimitPair.NEAR, LimitPair.EXTERNAL)
+            for switch, ls_type in zip(LIMIT_PAIRS[pair], self.ls_types(pair), strict=True)
             if ls_type is LSType.none
         }
         return tuple(switch for switch in self.switches if switch not in disabled)
@@ -204,8 +204,8 @@ class AxisParameters(AxisFields):
             faults.append(
                 'mechanical_end_detection_pos_diff: 0 m must be > 0 m to detect the mechanical end'
             )
-        for tier in Tier:
-            prefix = '' if tier is Tier.HARDWARE else f'{tier}_'
+        for pair in LimitPair:
+            prefix = '' if pair is LimitPair.HARDWARE else f'{pair}_'
             for side in ('positive', 'negative'):
                 name = f'{prefix}{side}_ls_type'
                 if getattr(self, name) is LSType.SeparatePositiveLSNegativeLS:
@@ -239,15 +239,15 @@ class AxisParameters(AxisFields):
                 )
         return list(dict.fromkeys(faults))
 
-    def _check_target(self, tier: Tier) -> list[str]:
-        target = self.limit_switch(tier, Way.TOWARD)
+    def _check_target(self, pair: LimitPair) -> list[str]:
+        target = self.limit_switch(pair, Way.TOWARD)
         if target not in self.switches:
             return [
                 f'switches: {target} is missing; {self.home_type} with home_direction '
                 f'{self.home_direction} needs it'
             ]
         if target not in self.inputs:
-            return [f'{tier}_ls_type: {target} is disabled (None); {self.home_type} needs it']
+            return [f'{pair}_ls_type: {target} is disabled (None); {self.home_type} needs it']
         return []
 
 
@@ -283,11 +283,11 @@ def axis_parameters(values: Mapping[str, object], axis: str = '') -> AxisParamet
     prefix = f'{axis}.' if axis else ''
     unit = Unit.rad if values.get('unit') == Unit.rad else Unit.m
     good, faults = read(values, _BY_UNIT[unit])
-    for tier in ('', 'near_', 'external_'):
-        if good.get(f'{tier}ls_type') is LSType.SeparatePositiveLSNegativeLS:
-            needed = (f'{tier}positive_ls_type', f'{tier}negative_ls_type')
+    for pair in ('', 'near_', 'external_'):
+        if good.get(f'{pair}ls_type') is LSType.SeparatePositiveLSNegativeLS:
+            needed = (f'{pair}positive_ls_type', f'{pair}negative_ls_type')
             faults += [
-                f'{name}: required, but not set ({tier}ls_type is SeparatePositiveLSNegativeLS)'
+                f'{name}: required, but not set ({pair}ls_type is SeparatePositiveLSNegativeLS)'
                 for name in needed
                 if name not in values
             ]

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from ..procedures.states import Input, Word
+from ..procedures.states import Input, TextEnum
 from .axis import DEFINITIONS, AxisParameters, axis_parameters
 from .definition import Definition, InvalidParameters, read, table, unknown
 from .qos import check_override
@@ -49,7 +49,7 @@ RESERVED = frozenset(
 )
 
 
-class SetpointInterface(Word):
+class SetpointInterface(TextEnum):
     """How setpoints leave the node."""
 
     trajectory = 'trajectory'

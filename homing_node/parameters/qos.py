@@ -8,13 +8,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..procedures.states import Word
+from ..procedures.states import TextEnum
 from .definition import Definition, suggestion, table
 
 NAME = re.compile(r'qos_overrides\.[^.]+\.(subscription|publisher)\.(?P<policy>[^.]+)')
 
 
-class History(Word):
+class History(TextEnum):
     """Which messages are kept."""
 
     keep_last = 'keep_last'
@@ -22,7 +22,7 @@ class History(Word):
     system_default = 'system_default'
 
 
-class Reliability(Word):
+class Reliability(TextEnum):
     """Whether a message that was lost is sent again."""
 
     reliable = 'reliable'
@@ -31,7 +31,7 @@ class Reliability(Word):
     system_default = 'system_default'
 
 
-class Durability(Word):
+class Durability(TextEnum):
     """Whether a late joiner receives what was published before."""
 
     volatile = 'volatile'

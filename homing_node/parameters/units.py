@@ -3,13 +3,13 @@
 
 import re
 
-from ..procedures.states import Word
+from ..procedures.states import TextEnum
 
 #: A length in a message: a number, a space, m.
 LENGTH = re.compile(r'(?<=[0-9] )m\b')
 
 
-class Unit(Word):
+class Unit(TextEnum):
     """The unit of a position."""
 
     m = 'm'

@@ -63,8 +63,8 @@ class Geometry:
     @property
     def target(self) -> Flag | None:
         """The flag of the limit that the type homes on."""
-        tier = self.parameters.procedure.target
-        return self.flags.get(self.parameters.limit_switch(tier, Way.TOWARD)) if tier else None
+        pair = self.parameters.procedure.target
+        return self.flags.get(self.parameters.limit_switch(pair, Way.TOWARD)) if pair else None
 
     def raw(self, place: float) -> float:
         """Return a place of the toward frame as a raw position."""

@@ -6,10 +6,10 @@ edge going away only at that end of the flag where the axis came in (machine.py 
 both rules, once, for every table).
 """
 
-from .states import Word
+from .states import TextEnum
 
 
-class Event(Word):
+class Event(TextEnum):
     """An arrow's label."""
 
     HS_RISES = 'home switch rises'

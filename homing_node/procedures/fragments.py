@@ -7,7 +7,7 @@ from types import MappingProxyType
 from .events import Event
 from .motions import AWAY_FAST, AWAY_SLOW, COME_TO_REST, FURTHER_AWAY, TO_HOME_POSITION, Bound
 from .procedure import Procedure, Row
-from .states import HomeType, Role, Tier
+from .states import HomeType, LimitPair, Role
 from .steps import (
     HOME_SHIFT,
     HOME_SHIFT_MOVE,
@@ -108,23 +108,23 @@ def compose(*fragments: Table) -> Table:
 
 #: What a limit ahead means (the manual's page): the reversal, what it always means, or by the
 #: limit that the home type homes on: that one is the reference, some are ignored.
-LIMITS_REVERSE = dict.fromkeys(Tier, Role.REVERSAL)
-LIMITS_NORMAL = dict.fromkeys(Tier, Role.NORMAL)
-LIMITS_OF_TARGET: Mapping[Tier, Mapping[Tier, Role]] = {
-    Tier.HARDWARE: {
-        Tier.HARDWARE: Role.REFERENCE,
-        Tier.NEAR: Role.IGNORED,
-        Tier.EXTERNAL: Role.IGNORED,
+LIMITS_REVERSE = dict.fromkeys(LimitPair, Role.REVERSAL)
+LIMITS_NORMAL = dict.fromkeys(LimitPair, Role.NORMAL)
+LIMITS_OF_TARGET: Mapping[LimitPair, Mapping[LimitPair, Role]] = {
+    LimitPair.HARDWARE: {
+        LimitPair.HARDWARE: Role.REFERENCE,
+        LimitPair.NEAR: Role.IGNORED,
+        LimitPair.EXTERNAL: Role.IGNORED,
     },
-    Tier.NEAR: {
-        Tier.HARDWARE: Role.NORMAL,
-        Tier.NEAR: Role.REFERENCE,
-        Tier.EXTERNAL: Role.IGNORED,
+    LimitPair.NEAR: {
+        LimitPair.HARDWARE: Role.NORMAL,
+        LimitPair.NEAR: Role.REFERENCE,
+        LimitPair.EXTERNAL: Role.IGNORED,
     },
-    Tier.EXTERNAL: {
-        Tier.HARDWARE: Role.NORMAL,
-        Tier.NEAR: Role.IGNORED,
-        Tier.EXTERNAL: Role.REFERENCE,
+    LimitPair.EXTERNAL: {
+        LimitPair.HARDWARE: Role.NORMAL,
+        LimitPair.NEAR: Role.IGNORED,
+        LimitPair.EXTERNAL: Role.REFERENCE,
     },
 }
 
@@ -136,7 +136,7 @@ def homes_on_switch(home_type: HomeType, home: str, words: str, *fragments: Tabl
 
 
 def homes_on_limit(
-    home_type: HomeType, home: str, words: str, target: Tier, *fragments: Table
+    home_type: HomeType, home: str, words: str, target: LimitPair, *fragments: Table
 ) -> Procedure:
     """Return a home type whose reference is a limit switch."""
     rows = compose(*fragments, HOME_SHIFT_ROWS)
@@ -144,7 +144,7 @@ def homes_on_limit(
 
 
 def homes_within_limits(
-    home_type: HomeType, home: str, words: str, *fragments: Table, target: Tier | None = None
+    home_type: HomeType, home: str, words: str, *fragments: Table, target: LimitPair | None = None
 ) -> Procedure:
     """Return a home type for which every limit acts as it always does."""
     rows = compose(*fragments, HOME_SHIFT_ROWS)

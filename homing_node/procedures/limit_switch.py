@@ -14,7 +14,7 @@ from .fragments import (
 )
 from .motions import AWAY_SLOW, TOWARD_FAST
 from .procedure import Row
-from .states import HomeType, Tier
+from .states import HomeType, LimitPair
 from .steps import (
     HOME_SHIFT,
     LS_FALLING_EDGE_SEARCH_REVERSE,
@@ -80,7 +80,7 @@ LS = homes_on_limit(
     HomeType.LS,
     'the feedback where the hardware limit switch ahead rises',
     LS_WORDS.format(limit='hardware', others=HARDWARE_OTHERS),
-    Tier.HARDWARE,
+    LimitPair.HARDWARE,
     LS_ROWS,
 )
 
@@ -88,7 +88,7 @@ LS_REVERSE_Z_PULSE = homes_on_limit(
     HomeType.LSReverseZPulse,
     'the first Z-pulse after the hardware limit switch has fallen, going away',
     LS_REVERSE_Z_PULSE_WORDS.format(limit='hardware', others=HARDWARE_OTHERS),
-    Tier.HARDWARE,
+    LimitPair.HARDWARE,
     LS_REVERSE_Z_PULSE_ROWS,
 )
 
@@ -96,7 +96,7 @@ NEAR_LS = homes_on_limit(
     HomeType.NearLS,
     'the feedback where the near limit switch ahead rises',
     LS_WORDS.format(limit='near', others=NEAR_OTHERS),
-    Tier.NEAR,
+    LimitPair.NEAR,
     LS_ROWS,
 )
 
@@ -104,7 +104,7 @@ NEAR_LS_REVERSE_Z_PULSE = homes_on_limit(
     HomeType.NearLSReverseZPulse,
     'the first Z-pulse after the near limit switch has fallen, going away',
     LS_REVERSE_Z_PULSE_WORDS.format(limit='near', others=NEAR_OTHERS),
-    Tier.NEAR,
+    LimitPair.NEAR,
     LS_REVERSE_Z_PULSE_ROWS,
 )
 
@@ -112,7 +112,7 @@ EXTERNAL_LS = homes_on_limit(
     HomeType.ExternalLS,
     'the feedback where the external limit switch ahead rises',
     LS_WORDS.format(limit='external', others=EXTERNAL_OTHERS),
-    Tier.EXTERNAL,
+    LimitPair.EXTERNAL,
     LS_ROWS,
 )
 
@@ -120,6 +120,6 @@ EXTERNAL_LS_REVERSE_Z_PULSE = homes_on_limit(
     HomeType.ExternalLSReverseZPulse,
     'the first Z-pulse after the external limit switch has fallen, going away',
     LS_REVERSE_Z_PULSE_WORDS.format(limit='external', others=EXTERNAL_OTHERS),
-    Tier.EXTERNAL,
+    LimitPair.EXTERNAL,
     LS_REVERSE_Z_PULSE_ROWS,
 )

@@ -5,7 +5,7 @@ from .events import Event
 from .fragments import Z_PULSE_REVERSE_ROWS, Table, homes_within_limits
 from .motions import AWAY_SLOW, TOWARD_SLOW
 from .procedure import Row
-from .states import HomeType, Tier
+from .states import HomeType, LimitPair
 from .steps import (
     HOME_SHIFT,
     HS_FALLING_EDGE_SEARCH_REVERSE,
@@ -73,7 +73,7 @@ MECHANICAL_END_LS = homes_within_limits(
             AWAY_SLOW, {Event.LS_RISES: HOME_SHIFT, Event.LS_FALLS: HOME_SHIFT}
         ),
     },
-    target=Tier.HARDWARE,
+    target=LimitPair.HARDWARE,
 )
 
 MECHANICAL_END_REVERSE_Z_PULSE = homes_within_limits(

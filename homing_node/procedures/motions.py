@@ -7,7 +7,7 @@ Ways are relative to the homing direction: *toward* along it, *away* against it.
 from enum import IntEnum
 from typing import NamedTuple
 
-from .states import Error, Word
+from .states import Error, TextEnum
 
 
 class Way(IntEnum):
@@ -18,7 +18,7 @@ class Way(IntEnum):
     AWAY = -1
 
 
-class Kind(Word):
+class Kind(TextEnum):
     """How a motion ends."""
 
     SEARCH = 'search'  # at constant speed until an event
@@ -27,7 +27,7 @@ class Kind(Word):
     HOME = 'home'  # to the home position plus the home shift distance
 
 
-class Pace(Word):
+class Pace(TextEnum):
     """Which profile parameters a motion uses; the value is their common prefix."""
 
     FAST = 'homing_velocity_fast'
@@ -53,7 +53,7 @@ COME_TO_REST = Motion(Kind.REST, Way.NONE, Pace.SHIFT, 'come to rest')
 TO_HOME_POSITION = Motion(Kind.HOME, Way.NONE, Pace.SHIFT, 'to the home position + home shift')
 
 
-class Bound(Word):
+class Bound(TextEnum):
     """What bounds the distance of a search; the value is the parameter's name."""
 
     SEARCH = 'max_search_distance'

@@ -7,7 +7,7 @@ from functools import cached_property
 
 from .events import Event
 from .motions import Bound, Motion
-from .states import LATCHES, HomeType, Input, Role, Tier
+from .states import LATCHES, HomeType, Input, LimitPair, Role
 from .steps import Step
 
 
@@ -51,8 +51,8 @@ class Procedure:
     home: str
     words: str
     rows: Mapping[Step, Row]
-    limits_ahead: Mapping[Tier, Role]
-    target: Tier | None = None
+    limits_ahead: Mapping[LimitPair, Role]
+    target: LimitPair | None = None
     first: Step = field(init=False)
     events: frozenset[Event] = field(init=False)
 

@@ -7,13 +7,13 @@ Every value is the string that users see, as the WMX3 manual spells it where the
 from enum import Enum
 
 
-class Word(str, Enum):
+class TextEnum(str, Enum):
     """An enumeration whose members print as their value."""
 
     __str__ = str.__str__
 
 
-class State(Word):
+class State(TextEnum):
     """Home states, published as they stand (WMX3 manual, home states)."""
 
     Idle = 'Idle'
@@ -34,7 +34,7 @@ class State(Word):
     Cancel = 'Cancel'
 
 
-class HomeType(Word):
+class HomeType(TextEnum):
     """Home types; the first fourteen are those of the manual's page on limit switches."""
 
     HS = 'HS'
@@ -60,7 +60,7 @@ class HomeType(Word):
     MechanicalEndDetectionReverseZPulse = 'MechanicalEndDetectionReverseZPulse'
 
 
-class Error(Word):
+class Error(TextEnum):
     """Why a run ended or a request was refused; the first five are the manual's."""
 
     NoError = 'NoError'
@@ -89,7 +89,7 @@ class Error(Word):
     UnknownAxis = 'UnknownAxis'
 
 
-class LSType(Word):
+class LSType(TextEnum):
     """What a limit switch does on its rising edge (WMX3 manual, LS Type)."""
 
     none = 'None'
@@ -101,7 +101,7 @@ class LSType(Word):
     SeparatePositiveLSNegativeLS = 'SeparatePositiveLSNegativeLS'
 
 
-class IndexMarginAction(Word):
+class IndexMarginAction(TextEnum):
     """What to do where the edge that arms the Z-pulse lies too close to a pulse."""
 
     none = 'None'
@@ -109,7 +109,7 @@ class IndexMarginAction(Word):
     Fail = 'Fail'
 
 
-class Direction(Word):
+class Direction(TextEnum):
     """The homing direction in raw coordinates."""
 
     Positive = 'Positive'
@@ -120,14 +120,14 @@ class Direction(Word):
         return 1.0 if self is Direction.Positive else -1.0
 
 
-class LSDirection(Word):
+class LSDirection(TextEnum):
     """Whether the positive limit input sits at the positive end (WMX3 manual, LS Direction)."""
 
     Normal = 'Normal'
     Reverse = 'Reverse'
 
 
-class Tier(Word):
+class LimitPair(TextEnum):
     """The three pairs of limit switches of an axis."""
 
     HARDWARE = 'hardware'
@@ -135,7 +135,7 @@ class Tier(Word):
     EXTERNAL = 'external'
 
 
-class Role(Word):
+class Role(TextEnum):
     """What a limit switch ahead means to a home type (WMX3 manual's page)."""
 
     REVERSAL = 'reversal'
@@ -144,7 +144,7 @@ class Role(Word):
     IGNORED = 'ignored'
 
 
-class Input(Word):
+class Input(TextEnum):
     """The inputs of an axis; the value is the topic's last part and the name in `switches`."""
 
     HOME_SWITCH = 'home_switch'
@@ -164,10 +164,13 @@ class Input(Word):
 
 
 #: The positive and the negative input of each pair of limit switches.
-LIMIT_PAIRS: dict[Tier, tuple[Input, Input]] = {
-    Tier.HARDWARE: (Input.POSITIVE_LIMIT_SWITCH, Input.NEGATIVE_LIMIT_SWITCH),
-    Tier.NEAR: (Input.NEAR_POSITIVE_LIMIT_SWITCH, Input.NEAR_NEGATIVE_LIMIT_SWITCH),
-    Tier.EXTERNAL: (Input.EXTERNAL_POSITIVE_LIMIT_SWITCH, Input.EXTERNAL_NEGATIVE_LIMIT_SWITCH),
+LIMIT_PAIRS: dict[LimitPair, tuple[Input, Input]] = {
+    LimitPair.HARDWARE: (Input.POSITIVE_LIMIT_SWITCH, Input.NEGATIVE_LIMIT_SWITCH),
+    LimitPair.NEAR: (Input.NEAR_POSITIVE_LIMIT_SWITCH, Input.NEAR_NEGATIVE_LIMIT_SWITCH),
+    LimitPair.EXTERNAL: (
+        Input.EXTERNAL_POSITIVE_LIMIT_SWITCH,
+        Input.EXTERNAL_NEGATIVE_LIMIT_SWITCH,
+    ),
 }
 
 LIMIT_SWITCHES: tuple[Input, ...] = tuple(i for pair in LIMIT_PAIRS.values() for i in pair)

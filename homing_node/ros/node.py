@@ -278,7 +278,7 @@ class HomingNode(ConfiguredNode):
             if late_cycle:
                 with self._lock:
                     for axis in self._axes.values():
-                        axis.held_up(clock.now - self._cycle_timeout, late_cycle)
+                        axis.cycle_was_late(clock.now - self._cycle_timeout, late_cycle)
             elif late < -self._period:
                 self._set_back(-late)
             if abs(late) >= self._period:
@@ -335,7 +335,7 @@ class HomingNode(ConfiguredNode):
         with self._lock:
             for axis in self._axes.values():
                 axis.stop(Error.CycleLate, text)
-                axis.set_back(now)
+                axis.time_jumped_back(now)
 
     def _finish(self) -> None:
         self.finished.set()

@@ -55,8 +55,8 @@ class Publishers(NamedTuple):
 class LastReport:
     """What was last reported of an axis.
 
-    ``changes`` is `Axis.shown` at that time, ``runs`` the number of runs logged, ``state`` and
-    ``outputs`` what the messages said.
+    ``changes`` is `Axis.fingerprint` at that time, ``runs`` the number of runs logged, ``state``
+    and ``outputs`` what the messages said.
     """
 
     __slots__ = ('changes', 'runs', 'state', 'outputs')
@@ -102,7 +102,7 @@ class Reports:
         Returns:
             Whether anything has changed. The end of a run is always a change.
         """
-        last, changes = self._last[axis.name], axis.shown
+        last, changes = self._last[axis.name], axis.fingerprint
         if last.changes == changes:
             return False
         last.changes = changes

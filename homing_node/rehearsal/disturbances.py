@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes wrong between a machine and the node: faults, as functions of messages.
+"""Disturbances between a machine and the node, as functions of messages.
 
-A fault takes every message on its way (an input's level or latch, a feedback sample, a setpoint)
-and yields what becomes of it: nothing, the same, another one, several. :class:`FaultyRehearsal`
-homes an axis through any number of them. No clock: times are those of the messages, s.
+A disturbance takes every message on its way (an input's level or latch, a feedback sample, a
+setpoint) and yields what becomes of it: nothing, the same message, another one, several.
+:class:`DisturbedRehearsal` homes an axis through any number of disturbances. There is no clock:
+all times are those of the messages, s.
 """
 
 import heapq
@@ -27,7 +28,7 @@ SETPOINT = 'setpoint'
 
 
 class Message(NamedTuple):
-    """A message on its way: when it was sent, what its stamp says, how long it travels; all s."""
+    """A message on its way: when it was sent, its stamp, and how long it travels; all in s."""
 
     topic: str
     sent: float
@@ -36,13 +37,13 @@ class Message(NamedTuple):
     delay: float = 0.0
 
 
-Fault = Callable[[Message], Iterable[Message]]
+Disturbance = Callable[[Message], Iterable[Message]]
 
 
 class Moment:
-    """When a fault begins: at the first feedback sample for which a condition holds.
+    """When a disturbance begins: at the first feedback sample for which a condition holds.
 
-    ``time`` and ``position`` are that sample's, NaN before it came.
+    ``time`` and ``position`` are those of that sample, NaN before it came.
     """
 
     def __init__(self, condition: Callable[[float, float], bool]) -> None:
@@ -67,7 +68,7 @@ def past(position: float, way: int = 1) -> Moment:
 # ------------------------------------------------------------------------------------ switches
 
 
-def bounces(topic: str, times: int = 3, every: float = 0.0005) -> Fault:
+def bounces(topic: str, times: int = 3, every: float = 0.0005) -> Disturbance:
     """Let `times` bounces follow every edge, `every` s apart."""
 
     def change(one: Message) -> Iterable[Message]:
@@ -81,11 +82,13 @@ def bounces(topic: str, times: int = 3, every: float = 0.0005) -> Fault:
     return of(topic, change)
 
 
-def noise(topic: str, moment: Moment, lasts: float, times: int = 1, every: float = 0.0) -> Fault:
+def noise(
+    topic: str, moment: Moment, lasts: float, times: int = 1, every: float = 0.0
+) -> Disturbance:
     """Make bursts of the other level without a contact: `times` of `lasts` s, `every` s apart."""
     level, done = False, False
 
-    def fault(one: Message) -> Iterable[Message]:
+    def disturb(one: Message) -> Iterable[Message]:
         nonlocal level, done
         yield one
         if one.topic == topic:
@@ -96,15 +99,15 @@ def noise(topic: str, moment: Moment, lasts: float, times: int = 1, every: float
                 for at, value in ((i * every, not level), (i * every + lasts, level)):
                     yield Message(topic, one.sent + at, one.sent + at, value)
 
-    return fault
+    return disturb
 
 
-def stuck(topic: str, level: bool) -> Fault:
+def stuck(topic: str, level: bool) -> Disturbance:
     """Hold the level."""
     return of(topic, lambda one: [one._replace(value=level)])
 
 
-def sticks(topic: str, level: bool) -> Fault:
+def sticks(topic: str, level: bool) -> Disturbance:
     """Hold the switch at its first edge to a level."""
     stays = False
 
@@ -117,23 +120,23 @@ def sticks(topic: str, level: bool) -> Fault:
     return of(topic, change)
 
 
-def swapped(one: str, other: str) -> Fault:
-    """Give two inputs each other's wire."""
+def swapped(one: str, other: str) -> Disturbance:
+    """Swap the wires of two inputs."""
     names = {one: other, other: one}
     return lambda message: [message._replace(topic=names.get(message.topic, message.topic))]
 
 
-def inverted(topic: str) -> Fault:
+def inverted(topic: str) -> Disturbance:
     """Invert the level."""
     return of(topic, lambda one: [one._replace(value=not one.value)])
 
 
-def repeated(topic: str, every: float, until: Moment | None = None) -> Fault:
-    """Publish the level every so many s, too, until a moment."""
+def repeated(topic: str, every: float, until: Moment | None = None) -> Disturbance:
+    """Publish the level again every `every` s, until a moment."""
     level: bool | float | None = None
     last = 0.0
 
-    def fault(one: Message) -> Iterable[Message]:
+    def disturb(one: Message) -> Iterable[Message]:
         nonlocal level, last
         yield one
         ended = until is not None and until.look(one)
@@ -144,14 +147,14 @@ def repeated(topic: str, every: float, until: Moment | None = None) -> Fault:
             last = one.sent
             yield Message(topic, one.sent, one.sent, level)
 
-    return fault
+    return disturb
 
 
 # ------------------------------------------------------------------------------------ messages
 
 
-def lost(topic: str, moment: Moment | None = None, count: float = inf) -> Fault:
-    """Lose the first `count` messages after a moment; what is told at the start arrives."""
+def lost(topic: str, moment: Moment | None = None, count: float = inf) -> Disturbance:
+    """Lose the first `count` messages after a moment; the messages at the start arrive."""
     left = count
 
     def change(one: Message) -> Iterable[Message]:
@@ -164,36 +167,36 @@ def lost(topic: str, moment: Moment | None = None, count: float = inf) -> Fault:
     return of(topic, change, moment)
 
 
-def late(topic: str, by: float, moment: Moment | None = None) -> Fault:
-    """Delay messages by so many s more."""
+def late(topic: str, by: float, moment: Moment | None = None) -> Disturbance:
+    """Delay messages by `by` s more."""
     return of(topic, lambda one: [one._replace(delay=one.delay + by)], moment)
 
 
-def jitters(topic: str, most: float, seed: int = 0) -> Fault:
-    """Delay messages by a random time more, so that they overtake each other."""
+def jitters(topic: str, most: float, seed: int = 0) -> Disturbance:
+    """Delay each message by a random time, so that messages overtake each other."""
     chance = random.Random(seed)
     return of(topic, lambda one: [one._replace(delay=one.delay + chance.uniform(0.0, most))])
 
 
-def duplicated(topic: str, after: float) -> Fault:
-    """Deliver every message a second time, so many s later."""
+def duplicated(topic: str, after: float) -> Disturbance:
+    """Deliver every message a second time, `after` s later."""
     return of(topic, lambda one: [one, one._replace(delay=one.delay + after)])
 
 
-def clock_jumps(topic: str, by: float, moment: Moment | None = None) -> Fault:
-    """Let the publisher's clock, and so its stamps, jump."""
+def clock_jumps(topic: str, by: float, moment: Moment | None = None) -> Disturbance:
+    """Let the publisher's clock jump by `by` s, and its stamps with it."""
     return of(topic, lambda one: [one._replace(stamp=one.stamp + by)], moment)
 
 
 # --------------------------------------------------------------------- feedback, drive, latches
 
 
-def frozen(moment: Moment) -> Fault:
-    """Go on publishing the feedback, but with the value that it had."""
+def frozen(moment: Moment) -> Disturbance:
+    """Publish the feedback on and on with the value that it had at a moment."""
     return of(FEEDBACK, lambda one: [one._replace(value=moment.position)], moment)
 
 
-def scaled(topic: str, factor: float) -> Fault:
+def scaled(topic: str, factor: float) -> Disturbance:
     """Let positions go a multiple of the way from the first one.
 
     Of the feedback, -1: the encoder is inverted. Of the setpoints, -1: the drive; 0.5: it slips.
@@ -208,16 +211,16 @@ def scaled(topic: str, factor: float) -> Fault:
     return of(topic, change)
 
 
-def stands(moment: Moment, lasts: float = inf) -> Fault:
-    """Let the axis stand for so many s, whatever it is told."""
+def stands(moment: Moment, lasts: float = inf) -> Disturbance:
+    """Let the axis stand for `lasts` s, whatever the setpoints are."""
     return of(SETPOINT, lambda one: [one] if one.sent > moment.time + lasts else [], moment)
 
 
-def no_encoder() -> Fault:
+def no_encoder() -> Disturbance:
     """Let the drive report its command as the feedback."""
     command: float | None = None
 
-    def fault(one: Message) -> Iterable[Message]:
+    def disturb(one: Message) -> Iterable[Message]:
         nonlocal command
         if one.topic == SETPOINT:
             command = one.value
@@ -225,49 +228,50 @@ def no_encoder() -> Fault:
             one = one._replace(value=command)
         yield one
 
-    return fault
+    return disturb
 
 
-def loses_steps(moment: Moment, by: float) -> Fault:
-    """Let the axis be off by a distance from a moment on, m."""
+def loses_steps(moment: Moment, by: float) -> Disturbance:
+    """Let the axis be off by `by` m from a moment on."""
     return of(SETPOINT, lambda one: [one._replace(value=one.value + by)], moment)
 
 
-def doubled(topic: str, by: float) -> Fault:
-    """Deliver every latch a second time, off by a distance, m."""
+def doubled(topic: str, by: float) -> Disturbance:
+    """Deliver every latch a second time, off by `by` m."""
     return of(topic, lambda one: [one, one._replace(value=one.value + by)])
 
 
 def of(
     topic: str, change: Callable[[Message], Iterable[Message]], moment: Moment | None = None
-) -> Fault:
-    """Return a fault of one topic, from a moment on."""
+) -> Disturbance:
+    """Return a disturbance of one topic, from a moment on."""
 
-    def fault(one: Message) -> Iterable[Message]:
+    def disturb(one: Message) -> Iterable[Message]:
         begun = moment is None or moment.look(one)
         return change(one) if begun and one.topic == topic else (one,)
 
-    return fault
+    return disturb
 
 
 # ------------------------------------------------------------------------------------- the run
 
 
-class FaultyRehearsal(Rehearsal):
-    """A rehearsal whose messages pass through faults, and whose stamps are judged as by the node.
+class DisturbedRehearsal(Rehearsal):
+    """A rehearsal whose messages pass through disturbances; it judges stamps as the node does.
 
-    ``decided`` is where the plant was when the run was told to end with an error, m, or None;
-    ``low`` and ``high`` how far the plant went, m.
+    Attributes:
+        decided: where the plant was when the run began to end with an error, m; None before.
+        low, high: the range in which the plant moved, m.
     """
 
     def __init__(
         self,
         parameters: AxisParameters,
         layout: AxisLayout,
-        faults: Sequence[Fault] = (),
+        disturbances: Sequence[Disturbance] = (),
         transport: Transport = DIRECT,
     ) -> None:
-        self._faults = faults
+        self._disturbances = disturbances
         self._stamps = {FEEDBACK: Stamps(parameters.feedback_timeout, REORDERED)}
         for source in parameters.inputs:
             self._stamps[source.value] = Stamps(parameters.feedback_timeout)
@@ -284,7 +288,7 @@ class FaultyRehearsal(Rehearsal):
         return setpoint
 
     def hold_up(self, seconds: float, cycle_timeout: float = 0.2) -> None:
-        """Let the node stand still; then its cycle goes on as that of node.py does."""
+        """Let the node stand still; then its cycle goes on as the node's does (ros/node.py)."""
         self._pass_time(round(seconds / PLANT_STEP))
         if seconds - self.period > cycle_timeout:
             self.axis.stop(Error.CycleLate, f'a control cycle was {seconds:.3f} s late')
@@ -311,8 +315,8 @@ class FaultyRehearsal(Rehearsal):
 
     def _post(self, message: Message) -> None:
         messages = [message]
-        for fault in self._faults:
-            messages = [out for one in messages for out in fault(one)]
+        for disturb in self._disturbances:
+            messages = [out for one in messages for out in disturb(one)]
         for one in messages:
             deliver: Callable[[float], None] = partial(self._take, one)
             heapq.heappush(self._messages, (one.sent + one.delay, next(self._order), deliver))
