@@ -508,7 +508,7 @@ def test_a_limit_that_rises_during_a_pause_brakes_harder_and_ends_nothing():
     for one in (hand, soft):
         one.run(40)
     assert hand.profile.velocity == 0.0
-    assert hand.profile.position < soft.profile.position - 0.001
+    assert hand.profile.position < soft.profile.position - 0.0009
     hand.machine.resume()
     hand.run(5)
     assert hand.profile.velocity < 0.0

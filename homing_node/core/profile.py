@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Jerk-limited setpoints of one axis; the only module that uses ruckig.
 
-Searches and stops use ruckig's velocity interface, moves its position interface. Everything is in
-the axis's *toward* frame: positive along the homing direction. Units: m or rad, s.
+A motion is planned as a whole when it is ordered: a path of pieces of constant jerk. Searches and
+stops use ruckig's velocity interface, moves its position interface. Everything is in the axis's
+*toward* frame: positive along the homing direction. Units: m or rad, s.
+
+A controller is told in advance (:meth:`Profile.announce`): the plan up to a horizon, and a stop to
+rest after that. Where cycles are missed for longer than the horizon, the controller is on that
+stop, and :meth:`Profile.skip` lets the plan go on from there.
 
 Source of the trajectories: L. Berscheid, T. Kroeger, "Jerk-limited Real-time Trajectory
 Generation with Arbitrary Target States", 2021 (ruckig).
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
-from ruckig import (
-    ControlInterface,
-    InputParameter,
-    OutputParameter,
-    Result,
-    Ruckig,
-    RuckigError,
-    Trajectory,
-)
+from ruckig import ControlInterface, InputParameter, Ruckig, RuckigError, Trajectory
+
+from .path import SAME_TIME, Piece, State, state_at, until
 
 #: Below this a velocity or a distance is ruckig's rounding, not a motion.
 TINY = 1e-12
@@ -36,11 +36,38 @@ class Dynamics(NamedTuple):
     deceleration: float
 
 
+class Phase(NamedTuple):
+    """One part of a motion: to a velocity, or to a position and rest there.
+
+    ``dynamics`` are in use from its begin on, ``up`` and ``down`` bound the acceleration in the
+    positive and in the negative direction; ``velocity`` is the target, or the limit of a move.
+    """
+
+    dynamics: Dynamics
+    up: float
+    down: float
+    velocity: float
+    position: float | None = None
+
+
+class Order(NamedTuple):
+    """What a motion is for: to keep a velocity, or to reach a position."""
+
+    dynamics: Dynamics
+    velocity: float = 0.0
+    position: float | None = None
+
+
 class Profile:
     """The commanded position, velocity and acceleration of one axis, a cycle at a time.
 
-    ``position``, ``velocity`` and ``acceleration`` are the command of the present cycle; ``done``
-    tells that the last motion has reached its velocity or target; ``dynamics`` are those in use.
+    ``position``, ``velocity`` and ``acceleration`` are the newest command; what is ordered acts
+    from there on. ``done`` tells that the last motion has reached its velocity or target;
+    ``dynamics`` are those in use.
+
+    The newest command is ``lead`` s ahead of the present (0: not), so that a controller hears of a
+    change of the plan before it comes to it. Only :meth:`freeze` and :meth:`stop_from` act at the
+    present.
     """
 
     __slots__ = (
@@ -50,32 +77,37 @@ class Profile:
         'done',
         'period',
         'dynamics',
-        '_otg',
-        '_in',
-        '_out',
-        '_next',
+        'lead',
+        '_time',
+        '_pieces',
+        '_changes',
+        '_order',
+        '_announced',
+        '_tail',
+        '_tail_of',
+        '_problem',
         '_max_jerk',
     )
 
-    def __init__(self, period: float, max_jerk: float, position: float = 0.0) -> None:
+    def __init__(
+        self, period: float, max_jerk: float, position: float = 0.0, lead: float = 0.0
+    ) -> None:
         self.period = period
-        self._otg = Ruckig(1, period)
-        self._in = InputParameter(1)
-        self._out = OutputParameter(1)
+        self.lead = lead
         self._max_jerk = max_jerk
-        self._in.target_acceleration = [0.0]
         self.dynamics = Dynamics(1.0, 1.0, 1.0)
-        self._next: tuple[float, Dynamics] | None = None
+        self._changes: list[tuple[float, Dynamics]] = []  # when other dynamics come into use
+        self._order: Order | None = None  # what the motion is for; None: to rest
+        self._tail: list[Piece] = []  # of a stop that begins at time and position 0
+        self._tail_of: tuple[float, ...] = ()  # what that stop begins with
         self.reset(position)
 
     def reset(self, position: float) -> None:
         """Set the command to a position at rest."""
-        self.position, self.velocity, self.acceleration = position, 0.0, 0.0
-        self.done = True
-        self._next = None
-        self._in.current_position = [position]
-        self._in.current_velocity = [0.0]
-        self._in.current_acceleration = [0.0]
+        self._time = 0.0  # of the newest command
+        self._pieces: list[Piece] = []
+        self._announced: list[Piece] | None = None  # the stop that the controller was told last
+        self._rest(0.0, position)
 
     def seek(self, velocity: float, dynamics: Dynamics) -> None:
         """Go to a velocity (signed) and keep it.
@@ -84,121 +116,233 @@ class Profile:
         of the dynamics that the axis leaves; where the new ones accelerate more gently than that,
         they take over at rest. Slowing down uses the deceleration of those that the axis leaves.
         """
-        old = self.dynamics
-        if self.velocity * velocity < 0.0:
+        self._order = Order(dynamics, velocity)
+        old, now = self.dynamics, self.velocity
+        if now * velocity < 0.0:
             limit = min(old.acceleration, old.deceleration)
             if dynamics.acceleration < limit:
-                self._to_velocity(0.0, limit, limit)
-                self._next = (velocity, dynamics)
+                self._plan(Phase(old, limit, limit, 0.0), _from_rest(self._order))
             else:
-                self._to_velocity(velocity, limit, limit)
-                self.dynamics = dynamics
-        elif abs(velocity) < abs(self.velocity) - TINY:
-            self._to_velocity(velocity, dynamics.acceleration, old.deceleration)
-            self._next = (velocity, dynamics)
+                self._plan(Phase(dynamics, limit, limit, velocity))
+        elif abs(velocity) < abs(now) - TINY:
+            slower = _to_velocity(old, dynamics.acceleration, old.deceleration, velocity, now)
+            self._plan(slower, slower._replace(dynamics=dynamics))
         else:
-            self._to_velocity(velocity, dynamics.acceleration, dynamics.deceleration)
-            self.dynamics = dynamics
+            _, acceleration, deceleration = dynamics
+            self._plan(_to_velocity(dynamics, acceleration, deceleration, velocity, now))
 
     def stop(self, deceleration: float | None = None) -> None:
         """Come to rest with a deceleration, by default that of the present dynamics."""
         if self.velocity == 0.0 and self.acceleration == 0.0:
-            self.freeze()
+            self._rest(self._time, self.position)
             return
-        if deceleration is None:
-            deceleration = self.dynamics.deceleration
-        self._to_velocity(0.0, deceleration, deceleration)
+        limit = self.dynamics.deceleration if deceleration is None else deceleration
+        self._order = None
+        self._plan(Phase(self.dynamics, limit, limit, 0.0))
+
+    def stop_from(self, position: float, velocity: float, deceleration: float) -> None:
+        """Come to rest from where the axis is at present, wherever the command is."""
+        newest, self._time = self._time, self._time - self.lead
+        self.position, self.velocity, self.acceleration = position, velocity, 0.0
+        self._order = None
+        self._plan(Phase(self.dynamics, deceleration, deceleration, 0.0))
+        self._go_to(newest)
 
     def brake_harder(self, deceleration: float) -> None:
         """Brake with at least this deceleration on the way to a stop or a reversal.
 
         A stop that comes meanwhile is no gentler.
         """
-        target, old = self._in.target_velocity[0], self.dynamics
-        then = self._next or ((target, old) if target else None)
+        then, old = self._order, self.dynamics
         limit = max(deceleration, old.deceleration)
-        self._to_velocity(0.0, limit, limit)
-        self._next, self.dynamics = then, old._replace(deceleration=limit)
+        stop = Phase(old._replace(deceleration=limit), limit, limit, 0.0)
+        if then is not None and then.position is None:
+            self._plan(stop, _from_rest(then))
+        else:
+            self._order = None
+            self._plan(stop)
 
     def move(self, target: float, dynamics: Dynamics) -> None:
         """Go to a position and rest there."""
-        self.dynamics, self._next = dynamics, None
+        self._order = Order(dynamics, dynamics.velocity, target)
         _, acceleration, deceleration = dynamics
         forward = target >= self.position
-        inp = self._in
-        inp.control_interface = ControlInterface.Position
-        inp.current_position = [self.position]
-        inp.max_jerk = [self._max_jerk]
-        inp.target_position = [target]
-        inp.target_velocity = [0.0]
-        inp.max_velocity = [dynamics.velocity]
-        inp.max_acceleration = [acceleration if forward else deceleration]
-        inp.min_acceleration = [-deceleration if forward else -acceleration]
-        self.done = target == self.position and self.velocity == 0.0
+        up, down = (acceleration, deceleration) if forward else (deceleration, acceleration)
+        self._plan(Phase(dynamics, up, down, dynamics.velocity, target))
 
     def freeze(self) -> None:
         """Stop at once, with infinite deceleration."""
-        self.reset(self.position)
+        begin = self._time - self.lead
+        self._rest(begin, self.present)
 
     def stopping_position(self, deceleration: float) -> float:
         """Return where a stop that begins now would end."""
-        inp = InputParameter(1)
-        inp.control_interface = ControlInterface.Velocity
-        inp.current_position = [self.position]
-        inp.current_velocity = [self.velocity]
-        inp.current_acceleration = [self.acceleration]
-        inp.target_velocity = [0.0]
-        inp.max_acceleration = [deceleration]
-        inp.max_jerk = [self._max_jerk]
-        trajectory = Trajectory(1)
-        Ruckig(1).calculate(inp, trajectory)
-        return float(trajectory.at_time(trajectory.duration)[0][0])
+        state = self.position, self.velocity, self.acceleration
+        *_, end = self._solve(0.0, state, Phase(self.dynamics, deceleration, deceleration, 0.0))
+        return end.position
+
+    @property
+    def present(self) -> float:
+        """The position that is commanded at present, ``lead`` before the newest."""
+        if not self.lead:
+            return self.position
+        return state_at(self._pieces, self._time - self.lead)[0]
 
     def update(self) -> None:
         """Advance by one period.
 
         Raises ArithmeticError where the limits allow no trajectory; the command then stays.
         """
-        if self.done:  # at rest, or at the velocity that was wanted
-            self.position += self.velocity * self.period
+        if self._problem:
+            raise ArithmeticError(f'no trajectory: {self._problem}')
+        self._go_to(self._time + self.period)
+
+    # ---------------------------------------------------------------- what a controller is told
+
+    def announce(self, horizon: float) -> tuple[float, list[Piece]]:
+        """Return the time of the present and the path from there on that the controller is told.
+
+        The path is the plan up to ``horizon`` s from the present and then a stop with the
+        deceleration in use. Called after :meth:`update`: the present is that of its cycle, a
+        period and ``lead`` before the newest command. The path also tells what lies before.
+        """
+        present = self._time - self.period - self.lead
+        while len(self._pieces) > 1 and self._pieces[1].time < present - 2.0 * self.period:
+            del self._pieces[0]
+        pieces, end = self._pieces, present + horizon
+        last = pieces[-1]
+        if last.velocity == 0.0 and (self._order is None or last.time <= end):
+            self._announced = []
+            return present, list(pieces)
+        dynamics = self.dynamics
+        for time, changed in self._changes:
+            if time <= end:
+                dynamics = changed
+        position, velocity, acceleration = state_at(pieces, end)
+        start = velocity, acceleration, dynamics.deceleration
+        if start != self._tail_of:
+            limit = dynamics.deceleration
+            stop = Phase(dynamics, limit, limit, 0.0)
+            self._tail = list(self._solve(0.0, (0.0, velocity, acceleration), stop))
+            self._tail_of = start
+        self._announced = [piece.moved(end, position) for piece in self._tail]
+        return present, until(pieces, end) + self._announced
+
+    def skip(self, elapsed: float) -> None:
+        """Let a time pass in which there was no cycle: the controller followed what it was told.
+
+        A controller that is told single setpoints stood still meanwhile, and so does the plan.
+        """
+        told = self._announced
+        if told is None:
             return
-        inp, out = self._in, self._out
-        for _ in range(ATTEMPTS):
-            try:
-                result = self._otg.update(inp, out)
-                break
-            except RuckigError as error:
-                problem = error
-                inp.max_jerk = [inp.max_jerk[0] * (1.0 - OFF_THE_POINT)]
+        time = self._time + elapsed
+        if not told or time <= told[0].time:
+            self._go_to(time)
+            return
+        order = self._order
+        self._pieces = until(self._pieces, told[0].time) + told
+        self._changes = []
+        self._go_to(time)
+        if order is None:
+            return
+        if order.position is None:
+            self.seek(order.velocity, order.dynamics)
         else:
-            raise ArithmeticError(f'no trajectory: {problem}')
-        out.pass_to_input(inp)
-        (self.position,) = out.new_position
-        (self.velocity,) = out.new_velocity
-        (self.acceleration,) = out.new_acceleration
-        if result is Result.Finished:
-            self._arrive()
+            self.move(order.position, order.dynamics)
 
-    def _arrive(self) -> None:
-        """Leave ruckig's rounding behind; go on with what comes next."""
-        self.done, then = True, self._next
-        if self._in.control_interface is ControlInterface.Position:
-            self.reset(self._in.target_position[0])
-        elif self._in.target_velocity[0] == 0.0:
-            self.reset(self.position)
-        if then:
-            self.seek(*then)
+    # ---------------------------------------------------------------------------------- inside
 
-    def _to_velocity(self, velocity: float, acceleration: float, deceleration: float) -> None:
-        """Aim at a velocity; ``acceleration`` is used where the speed grows."""
-        self._next = None
-        # The acceleration that raises the speed points along the target, or, for a stop, nowhere.
-        forward = velocity > 0.0 or (velocity == 0.0 and self.velocity < 0.0)
-        inp = self._in
-        inp.control_interface = ControlInterface.Velocity
-        inp.current_position = [self.position]
-        inp.max_jerk = [self._max_jerk]
-        inp.target_velocity = [velocity]
-        inp.max_acceleration = [acceleration if forward else deceleration]
-        inp.min_acceleration = [-deceleration if forward else -acceleration]
-        self.done = False
+    def _rest(self, time: float, position: float) -> None:
+        """Rest at a position from a time on."""
+        self._pieces = [*until(self._pieces, time), Piece(time, position, 0.0, 0.0, 0.0)]
+        self._changes, self._order, self._problem = [], None, ''
+        self._go_to(self._time)
+
+    def _go_to(self, time: float) -> None:
+        """Take the command of a time of the path."""
+        self._time = time
+        last = self._pieces[-1]
+        self.done = time >= last.time - SAME_TIME
+        if self.done:
+            self.velocity, self.acceleration = last.velocity, 0.0
+            self.position = last.position + last.velocity * (time - last.time)
+        else:
+            self.position, self.velocity, self.acceleration = state_at(self._pieces, time)
+        while self._changes and time >= self._changes[0][0] - SAME_TIME:
+            _, self.dynamics = self._changes.pop(0)
+
+    def _plan(self, *phases: Phase) -> None:
+        """Replace the plan from the newest command on."""
+        time = self._time
+        state = self.position, self.velocity, self.acceleration
+        pieces, changes = until(self._pieces, time), []
+        try:
+            for phase in phases:
+                changes.append((time, phase.dynamics))
+                *stretch, last = self._solve(time, state, phase)
+                pieces += stretch
+                time, *state_then = last
+                state = state_then[0], state_then[1], state_then[2]
+        except RuckigError as error:
+            self._problem = str(error)
+            return
+        self._problem = ''
+        self._pieces, self._changes = [*pieces, last], changes
+        self._go_to(self._time)
+
+    def _solve(self, time: float, state: State, phase: Phase) -> Iterator[Piece]:
+        """Yield the pieces of a phase; the last one goes on at its target."""
+        inp, trajectory = InputParameter(1), Trajectory(1)
+        position, velocity, acceleration = state
+        inp.current_position = [position]
+        inp.current_velocity = [velocity]
+        inp.current_acceleration = [acceleration]
+        inp.max_acceleration, inp.min_acceleration = [phase.up], [-phase.down]
+        if phase.position is None:
+            inp.control_interface = ControlInterface.Velocity
+            inp.target_velocity = [phase.velocity]
+        else:
+            inp.target_position = [phase.position]
+            inp.max_velocity = [phase.velocity]
+        jerk = self._max_jerk
+        for attempt in range(ATTEMPTS):
+            inp.max_jerk = [jerk]
+            try:
+                Ruckig(1).calculate(inp, trajectory)
+                break
+            except RuckigError:
+                if attempt == ATTEMPTS - 1:
+                    raise
+                jerk *= 1.0 - OFF_THE_POINT
+        found = trajectory.profiles[0][0]
+        brake = found.brake
+        stretches = [
+            *zip(brake.t, brake.p, brake.v, brake.a, brake.j, strict=True),
+            *zip(found.t, found.p[:-1], found.v[:-1], found.a[:-1], found.j, strict=True),
+        ]
+        for duration, p, v, a, j in stretches:
+            if duration > 0.0:
+                yield Piece(time, p, v, a, j)
+                time += duration
+        if phase.position is None:
+            yield Piece(time, found.p[-1], phase.velocity, 0.0, 0.0)
+        else:
+            yield Piece(time, phase.position, 0.0, 0.0, 0.0)
+
+
+def _to_velocity(
+    dynamics: Dynamics, acceleration: float, deceleration: float, velocity: float, now: float
+) -> Phase:
+    """Aim at a velocity; ``acceleration`` is used where the speed grows."""
+    # The acceleration that raises the speed points along the target, or, for a stop, nowhere.
+    forward = velocity > 0.0 or (velocity == 0.0 and now < 0.0)
+    if forward:
+        return Phase(dynamics, acceleration, deceleration, velocity)
+    return Phase(dynamics, deceleration, acceleration, velocity)
+
+
+def _from_rest(order: Order) -> Phase:
+    """Accelerate from rest to an order's velocity."""
+    _, acceleration, deceleration = order.dynamics
+    return _to_velocity(order.dynamics, acceleration, deceleration, order.velocity, 0.0)

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The points that tell a controller what comes: true to the plan, few, and at rest in the end."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from homing_node.core.announcement import NS, Course, announcement, least_horizon
+from homing_node.core.path import state_at
+from homing_node.core.profile import Dynamics, Profile
+from homing_node.plant.controller import Point, between
+
+PERIOD, LEAD, HORIZON = 0.004, 0.008, 0.02
+FAST = Dynamics(0.05, 0.5, 0.5)
+
+
+def profile(cycles=0, jerk=10.0, order=lambda p: p.seek(0.05, FAST)):
+    one = Profile(PERIOD, jerk, 0.3, LEAD)
+    order(one)
+    for _ in range(cycles + 1):
+        one.update()
+    return one
+
+
+def told(*profiles, horizon=HORIZON, past=True, sign=1.0):
+    courses = [Course(*one.announce(horizon), sign) for one in profiles]
+    return courses, announcement(courses, PERIOD, horizon, past)
+
+
+def test_the_points_stand_at_the_period_from_one_before_the_present():
+    _, (times, _) = told(profile(100))
+    assert times[:7] == [round(k * PERIOD * NS) for k in range(-1, 6)]
+    _, (times, _) = told(profile(100), past=False)
+    assert times[0] == 0
+
+
+def test_the_present_is_the_command_of_the_cycle_and_the_newest_lies_ahead():
+    one = profile(100)
+    _, (times, rows) = told(one)
+    newest = times.index(round((PERIOD + LEAD) * NS))
+    assert rows[newest][0] == pytest.approx((one.position, one.velocity, one.acceleration))
+
+
+def test_no_point_lies_before_the_run_begins():
+    """The controller joins what it held to the first point."""
+    _, (times, rows) = told(profile())
+    assert times[0] == round(LEAD * NS)
+    assert rows[0][0] == (0.3, 0.0, 0.0)
+
+
+def test_an_axis_that_joins_another_rests_until_it_moves():
+    _, (times, rows) = told(profile(100), profile())
+    assert times[0] == -round(PERIOD * NS)
+    assert rows[0][1] == rows[2][1] == (0.3, 0.0, 0.0)
+
+
+def test_the_sign_turns_everything():
+    one = profile(20)
+    _, (_, rows) = told(one)
+    _, (_, mirrored) = told(one, sign=-1.0)
+    assert mirrored == [[(-p, -v, -a) for p, v, a in row] for row in rows]
+
+
+ORDERS = st.one_of(
+    st.builds(
+        lambda v, s: lambda p: p.seek(s * v, FAST._replace(velocity=v)),
+        st.floats(0.001, 0.5),
+        st.sampled_from([1, -1]),
+    ),
+    st.builds(lambda d: lambda p: p.move(0.3 + d, FAST), st.floats(-0.1, 0.1)),
+    st.just(lambda p: p.stop()),
+    st.builds(lambda a: lambda p: p.stop(a), st.floats(0.1, 5.0)),
+    st.just(lambda p: p.brake_harder(2.0)),
+)
+
+
+@given(
+    st.lists(st.tuples(ORDERS, st.integers(1, 60)), min_size=1, max_size=4),
+    st.floats(1.0, 500.0),
+    st.sampled_from([0.02, 0.05]),
+)
+def test_quintics_through_the_points_are_the_path(orders, jerk, horizon):
+    """Within 1 % of the limits and 1 µm; the last point is at rest."""
+    one = Profile(PERIOD, jerk, 0.3, LEAD)
+    for order, cycles in orders:
+        order(one)
+        for _ in range(cycles):
+            one.update()
+    (course,), (times, rows) = told(one, horizon=horizon)
+    assert all(later > earlier for earlier, later in pairwise(times))
+    assert rows[-1][0][1:] == (0.0, 0.0)
+    points = [Point(t, *((x,) for x in row[0])) for t, row in zip(times, rows, strict=True)]
+    for a, b in pairwise(points):
+        for part in (0.25, 0.5, 0.75):
+            time = a.time + round((b.time - a.time) * part)
+            sampled = between(a.time, a, b.time, b, time)
+            p, v, acc = state_at(course.pieces, course.present + time / NS)
+            assert abs(sampled.positions[0] - p) <= 1e-6
+            assert abs(sampled.velocities[0] - v) <= 1e-4
+            assert abs(sampled.accelerations[0] - acc) <= max(jerk * 4e-5, 0.005)
+
+
+def test_the_stop_brakes_with_the_deceleration_in_use():
+    _, (times, rows) = told(profile(200, order=lambda p: p.seek(0.5, Dynamics(0.5, 2.0, 1.0))))
+    hardest = min(row[0][2] for row in rows)
+    assert hardest == pytest.approx(-1.0)
+    assert (times[-1] / NS - HORIZON) == pytest.approx(0.5 / 1.0 + 1.0 / 10.0)
+
+
+def test_a_stop_that_is_under_way_is_the_stop():
+    one = profile(100)
+    one.stop(5.0)
+    one.update()
+    _course, (_, rows) = told(one)
+    assert rows[-1][0][0] == pytest.approx(one.stopping_position(5.0))
+
+
+def test_the_stop_of_a_steady_speed_is_computed_once():
+    one = profile(100)
+    told(one)
+    tail = one._tail
+    one.update()
+    told(one)
+    assert one._tail is tail
+
+
+@given(st.integers(1, 100), st.integers(1, 4))
+def test_a_later_plan_leaves_the_announced_one_slowly(cycles, later):
+    """By no more than j d^3 / 3, d from the newest command on."""
+    one = profile(cycles)
+    (course,), (times, _) = told(one)
+    newest = LEAD + PERIOD
+    one.seek(-0.05, FAST)
+    for _ in range(later):
+        one.update()
+    (other,), _ = told(one)
+    for time in times:
+        d = time / NS - newest
+        if not later * PERIOD <= time / NS <= HORIZON:
+            continue
+        before = state_at(course.pieces, course.present + time / NS)[0]
+        after = state_at(other.pieces, other.present + time / NS - later * PERIOD)[0]
+        assert abs(after - before) <= 10.0 * max(d, 0.0) ** 3 / 3.0 + 1e-12
+
+
+@pytest.mark.parametrize('elapsed', [0.004, 0.011, 0.05, 1.0])
+def test_after_missed_cycles_the_command_is_what_the_controller_has_come_to(elapsed):
+    one = profile(100)
+    (course,), _ = told(one)
+    time = course.present + PERIOD + LEAD + elapsed
+    one.skip(elapsed)
+    assert (one.position, one.velocity, one.acceleration) == pytest.approx(
+        state_at(course.pieces, time)
+    )
+    for _ in range(200):
+        one.update()
+    assert one.velocity == pytest.approx(0.05)
+
+
+def test_a_plan_that_was_not_announced_waits():
+    one = profile(100)
+    position = one.position
+    one.skip(1.0)
+    assert one.position == position
+
+
+@pytest.mark.parametrize('lead', [0.0, LEAD])
+def test_freezing_stops_at_the_present(lead):
+    one = Profile(PERIOD, 10.0, 0.3, lead)
+    one.seek(0.05, FAST)
+    for _ in range(100):
+        one.update()
+    present = one.position - 0.05 * lead
+    assert one.present == pytest.approx(present)
+    one.freeze()
+    one.update()
+    assert one.position == pytest.approx(present)
+    _, (_times, rows) = told(one)
+    assert all(row[0] == (pytest.approx(present), 0.0, 0.0) for row in rows[1:])
+
+
+def test_a_stop_can_begin_where_the_axis_is():
+    one = profile(100)
+    at = one.present - 0.02
+    one.stop_from(at, 0.01, 0.5)
+    one.update()
+    _, (times, rows) = told(one)
+    present = times.index(0)
+    assert rows[present][0] == (pytest.approx(at), pytest.approx(0.01), pytest.approx(0.0))
+    assert rows[-1][0][0] - at == pytest.approx(0.01 * math.sqrt(0.01 / 10.0))
+    assert rows[-1][0][1:] == (0.0, 0.0)
+
+
+def test_the_least_horizon_reaches_two_messages_further():
+    assert least_horizon(PERIOD, LEAD) == pytest.approx(LEAD + 3 * PERIOD)
