@@ -42,8 +42,8 @@ What must fit together is checked when the file is read, when several parameters
 and when a run starts:
 
 - `homing_velocity_slow` ≤ `homing_velocity_fast`;
-- no ramp from rest to a velocity takes longer than 100 s, with its acceleration and `max_jerk`; no
-  move over `homing_reverse_distance` or `home_shift_distance` takes longer than an hour;
+- no ramp from rest to a velocity takes longer than 1000 s, with its acceleration and `max_jerk`;
+  no move over `homing_reverse_distance` or `home_shift_distance` takes longer than an hour;
 - `homing_reverse_distance` < `travel`, |`home_shift_distance`| ≤ `travel`;
 - `max_search_distance` ≤ 2 × `travel`; `max_ls_reverse_distance` and
   `max_hs_on_at_start_reverse_distance` ≤ the search bound;

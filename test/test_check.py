@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every finding: a configuration and a layout that have it, and that the good one has not."""
 
+import re
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite, nan
 from typing import Any
@@ -10,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from homing_node.check import Severity, check, check_axis, errors
-from homing_node.check.bounds import Bounds
-from homing_node.check.ends import Ends
 from homing_node.check.finding import down, up
+from homing_node.check.overruns import Overruns
+from homing_node.check.run_bounds import RunBounds
 from homing_node.check.stopping import stopping_distance
 from homing_node.parameters.axis import DEFINITIONS, axis_parameters
 from homing_node.parameters.configuration import configuration
@@ -138,8 +139,21 @@ WITHOUT = [  # no layout is needed
         layout=False,
         words='ahead',
     ),
-    Case('stop-longer-than-travel', ERROR, {'homing_velocity_fast': 0.6}, right=0.44),
-    Case('jerk-decides', INFO, {'max_jerk': 4.0}, words='homing_velocity_fast_dec', right=5.0),
+    Case(
+        'stop-longer-than-travel', ERROR, {'homing_velocity_fast': 0.6}, layout=False, right=0.44
+    ),
+    Case(
+        'stop-longer-than-travel',
+        ERROR,
+        {'homing_velocity_fast': 60},
+        words='in mm/s?',
+        right=0.11,
+    ),
+    Case('jerk-decides', INFO, {'max_jerk': 4.0}, words='ls_dec', right=20.0),
+    Case(
+        'parameter-unused', INFO, {'home_type': 'HS', 'homing_velocity_slow': 0.002}, right=0.005
+    ),
+    Case('travel', WARNING, {'travel': 800}, layout=False, words='in mm?', right=0.8),
     Case('soft-ls-dec', WARNING, {'ls_dec': 0.4}, right=0.5),
     Case('hard-ls-slow-dec', WARNING, {'ls_slow_dec': 1.5}, right=1.0),
     Case('search-bound', WARNING, {'max_search_distance': 0.15}, layout=False, right=0.22),
@@ -207,7 +221,7 @@ WITHOUT = [  # no layout is needed
         'run-up',
         WARNING,
         {'homing_velocity_slow': 0.05, 'homing_velocity_slow_acc': 0.3},
-        right=0.0043,
+        right=0.0042,
     ),
 ]
 
@@ -725,6 +739,57 @@ def test_finding_in_the_mirror(case):
             assert other == pytest.approx(value, abs=1e-9), name
 
 
+def test_the_hysteresis_is_part_of_the_run_up():
+    """The second pass begins behind the edge where the switch falls."""
+    values = {'homing_velocity_slow': 0.05, 'homing_velocity_slow_acc': 0.3}
+    narrow = Case('run-up', WARNING, values, {HS: SwitchLayout(0.15, 0.16)})
+    wide = replace(narrow, flags={HS: SwitchLayout(0.15, 0.16, 0.003)})
+    (found,) = matching(narrow, narrow.found())
+    assert 'begins 0.00263 m before' in found.text
+    assert not matching(wide, wide.found())
+
+
+def test_an_absurd_velocity_is_one_finding():
+    for layout in ({}, False):
+        case = Case('', ERROR, {'homing_velocity_fast': 60}, layout=layout)
+        found = [one.check for one in case.found() if one.severity is not INFO]
+        assert found == ['stop-longer-than-travel']
+
+
+def test_swapped_limits_are_one_finding():
+    case = Case('', ERROR, {'ls_direction': 'Reverse'})
+    assert [one.check for one in case.found()] == ['limits-swapped', 'fitted-unwired']
+
+
+def test_the_default_jerk_is_told_once():
+    for values in ({'max_jerk': 10.0}, {'max_jerk': 10.0, 'homing_velocity_fast': 0.02}):
+        found = Case('', INFO, values, layout=False).found()
+        assert [one.check for one in found] == ['jerk-decides']
+
+
+def test_findings_of_a_rotary_axis_say_rad():
+    case = Case('', ERROR, {'unit': 'rad', 'homing_velocity_fast': 0.3, 'max_jerk': 4.0})
+    found = [one for one in case.found() if one.check != 'fitted-unwired']
+    assert found
+    for one in found:
+        assert not re.search(r'\dm?\d* m\b', one.text) and ' m/s' not in one.text, one.text
+        assert not one.unit.startswith('m')
+    assert any(one.text.endswith(' rad/s') for one in found)
+
+
+def test_a_topic_of_an_input_that_is_not_wired():
+    axis = {f'x.{name}': value for name, value in VALUES.items()}
+    wired = {**axis, 'x.switches': [HS, *BOTH], f'x.topics.{HS}': '/hs'}
+    assert check(configuration({'axes': ['x'], **wired})) == []
+    (one,) = check(configuration({'axes': ['x'], **wired, 'x.topics.z_pulse': '/z'}))
+    assert (one.severity, one.check, one.remedy) == (
+        WARNING,
+        'topic-unread',
+        'switches: with z_pulse',
+    )
+    assert '/z' in one.what
+
+
 def test_the_good_axis_has_no_finding_but_the_index_that_it_does_not_use():
     case = Case('fitted-unwired', INFO)
     assert [one.check for one in case.found()] == ['fitted-unwired']
@@ -885,7 +950,7 @@ def test_geometry_knows_where_home_is(home_type):
 def test_no_run_takes_less_than_the_least_time(home_type):
     """From off the switches; of ZPulse it is not known where the pulse is."""
     example = EXAMPLES[home_type]
-    bounds = Bounds('x', example.parameters, example.layout, Timing())
+    bounds = RunBounds('x', example.parameters, example.layout, Timing())
     for run in example.runs:
         if any(
             flag.on_from <= run.start <= flag.on_to for flag in example.layout.switches.values()
@@ -921,7 +986,7 @@ def test_the_rehearsal_hits_the_hard_stop_ahead_where_the_check_says_so(
     parameters, layout = axis_of(home_type, velocity)
     timing = Timing(latency=latency)
     limit = layout.switches[AHEAD].on_from
-    ends = Ends('x', parameters, layout._replace(hard_stops=(0.0, inf)), timing)
+    ends = Overruns('x', parameters, layout._replace(hard_stops=(0.0, inf)), timing)
     _, row = ends.searches[0]
     stop = next(one for one in ends.limit_stops(row) if one.limit.input == AHEAD)
     overrun = stop.overrun(velocity)
@@ -1007,7 +1072,7 @@ def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocit
     parameters, layout = axis_of('HS', velocity)
     timing = Timing(latency=latency)
     limit = layout.switches[BEHIND].on_to
-    ends = Ends('x', parameters, layout._replace(hard_stops=(-inf, 0.12)), timing)
+    ends = Overruns('x', parameters, layout._replace(hard_stops=(-inf, 0.12)), timing)
     row = next(row for _, row in ends.searches if row.motion.way is Way.AWAY)
     overrun = next(ends.limit_stops(row)).overrun(velocity)
     stuck = {**layout.switches, HS: SwitchLayout(-1.0, 0.08)}  # the home switch never falls
@@ -1063,7 +1128,7 @@ def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_
         )
         return layout if direction > 0 else mirrored(layout)
 
-    ends = Ends('x', parameters, built(-inf), timing)
+    ends = Overruns('x', parameters, built(-inf), timing)
     step, row = next(each for each in ends.searches if each[1].motion.way is Way.AWAY)
     overrun = next(ends.event_stops(step, row)).overrun(0.1)
     for part, hits in ((0.8, True), (1.01, False)):
@@ -1165,7 +1230,10 @@ def test_a_configuration_brings_its_update_rate():
 def test_an_axis_that_the_layout_does_not_have():
     axes = {'x': axis_parameters(VALUES), 'y': axis_parameters(VALUES)}
     found = check(axes, {'x': LAYOUT})
-    assert [one.axis for one in found if one.check == 'layout-missing'] == ['y']
+    (missing,) = [one for one in found if one.check == 'layout-missing']
+    assert (missing.axis, missing.severity) == ('y', WARNING)
+    assert 'the layout has no axis y, only x' in missing.what
+    assert 'y: {hard_stops: [from, to]}' in missing.why
     assert [one.axis for one in check(axes)] == []
 
 

@@ -1,28 +1,43 @@
 # SPDX-License-Identifier: Apache-2.0
 """Proves a configuration before the first motion.
 
-Pure: parameters, where things are along the axis (as far as that is known) and how fast messages
-travel go in, findings come out. Without a layout only what the parameters alone tell is checked,
-as the node does at its start.
+Everything here is pure: parameters, where things are along the axis (as far as it is known) and
+how fast messages travel go in, findings come out. Without a layout, only the parameters are
+checked, as the node does at its start.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from ..parameters.axis import AxisParameters
 from ..parameters.configuration import Configuration
 from ..plant.layout import AxisLayout
 from ..plant.timing import Timing
-from .bounds import Bounds
-from .ends import Ends
-from .finding import Finding, Severity, worst_first
-from .places import Places
+from ..procedures.states import Input
+from .accuracy import Accuracy
+from .final_move import FinalMove
+from .finding import Finding, Severity, in_unit, worst_first
+from .follow_ups import without_follow_ups
+from .following_error import FollowingError
+from .index_and_probe import IndexAndProbe
+from .overruns import Overruns
+from .parameters_only import ParametersOnly
 from .remedy import applicable
-from .shift import Shift
-from .values import check_values
+from .run_bounds import RunBounds
+from .switch_positions import SwitchPositions
+from .wired_inputs import WiredInputs
 
 __all__ = ['Finding', 'Severity', 'Timing', 'check', 'check_axis', 'errors']
 
+#: The checks that need a layout.
+WITH_LAYOUT = (
+    SwitchPositions,
+    Overruns,
+    RunBounds,
+    IndexAndProbe,
+    FollowingError,
+    FinalMove,
+)
 NOWHERE: Mapping[str, AxisLayout] = MappingProxyType({})
 
 
@@ -31,27 +46,28 @@ def check(
     layouts: Mapping[str, AxisLayout] | None = None,
     timing: Timing | None = None,
 ) -> list[Finding]:
-    """Check all axes; return what was found, by axis, the worst first.
+    """Check all axes; return the findings by axis, the worst first.
 
-    A configuration's own update rate takes the place of that in ``timing``. With ``layouts`` every
-    axis is expected to be in it.
+    The update rate of a configuration takes the place of the one in ``timing``. With ``layouts``,
+    each axis is expected to be in it.
     """
     timing = timing or Timing()
     findings: list[Finding] = []
     if isinstance(axes, Configuration):
         timing = timing._replace(update_rate=axes.update_rate)
-        findings += _check_node(axes)
+        findings += [*_check_node(axes), *_unread_topics(axes)]
         axes = axes.axes
     for axis, parameters in axes.items():
         findings += check_axis(axis, parameters, (layouts or NOWHERE).get(axis), timing)
         if layouts is not None and axis not in layouts:
             findings.append(
                 Finding(
-                    Severity.info,
+                    Severity.warning,
                     axis,
                     'layout-missing',
-                    'the layout has no such axis',
-                    'what depends on where its switches are is not checked',
+                    f'the layout has no axis {axis}, only {", ".join(layouts)}',
+                    'where its switches and hard stops are is not checked: add it to the layout, '
+                    'at least as "{axis}: {hard_stops: [from, to]}"'.replace('{axis}', axis),
                 )
             )
     return worst_first(findings)
@@ -63,13 +79,10 @@ def check_axis(
     layout: AxisLayout | None = None,
     timing: Timing | None = None,
 ) -> list[Finding]:
-    """Check one axis; return what was found, the worst first."""
+    """Check one axis; return the findings, the worst first."""
     timing = timing or Timing()
     try:
-        findings = list(check_values(axis, parameters, timing, layout is not None))
-        if layout is not None:
-            for part in (Places, Ends, Bounds, Shift):
-                findings += part(axis, parameters, layout, timing).check()
+        findings = without_follow_ups(_found(axis, parameters, layout, timing))
     except ArithmeticError as error:
         return [
             Finding(
@@ -80,7 +93,24 @@ def check_axis(
                 'one of them is absurdly small or large',
             )
         ]
-    return worst_first(applicable(finding, parameters) for finding in findings)
+    return worst_first(
+        in_unit(applicable(finding, parameters), parameters.unit) for finding in findings
+    )
+
+
+def _found(
+    axis: str, parameters: AxisParameters, layout: AxisLayout | None, timing: Timing
+) -> list[Finding]:
+    found = [
+        *WiredInputs(axis, parameters, timing).check(layout is not None),
+        *ParametersOnly(axis, parameters, timing).check(layout is not None),
+    ]
+    home = layout.switches.get(Input.HOME_SWITCH) if layout else None
+    found += Accuracy(axis, parameters, timing).check(home.hysteresis if home else 0.0)
+    if layout is not None:
+        for part in WITH_LAYOUT:
+            found += part(axis, parameters, layout, timing).check()
+    return found
 
 
 def errors(findings: list[Finding]) -> list[Finding]:
@@ -89,6 +119,7 @@ def errors(findings: list[Finding]) -> list[Finding]:
 
 
 def _check_node(configuration: Configuration) -> list[Finding]:
+    """Check the node's own parameters; the finding stands with the first axis."""
     period = 1.0 / configuration.update_rate
     if configuration.cycle_timeout >= 2 * period:
         return []
@@ -107,3 +138,21 @@ def _check_node(configuration: Configuration) -> list[Finding]:
         )
         for axis in list(configuration.axes)[:1]
     ]
+
+
+def _unread_topics(configuration: Configuration) -> Iterator[Finding]:
+    """Find topics of inputs that are not in ``switches``."""
+    for axis, topics in configuration.topics.items():
+        switches = configuration.axes[axis].switches
+        for name, topic in topics.items():
+            if topic and name not in switches:
+                yield Finding(
+                    Severity.warning,
+                    axis,
+                    'topic-unread',
+                    f'topics.{name} is {topic}, but {name} is not in switches',
+                    'nothing reads it',
+                    'switches',
+                    None,
+                    f'with {name}',
+                )

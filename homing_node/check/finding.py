@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a check finds."""
+"""A finding of a check."""
 
 from collections.abc import Callable, Iterable
 from math import ceil, floor, isfinite, log10
 from typing import NamedTuple
 
+from ..parameters.units import Unit
 from ..procedures.states import TextEnum
 
 
@@ -17,11 +18,16 @@ class Severity(TextEnum):
 
 
 class Finding(NamedTuple):
-    """One thing that a check has to say about an axis, or about the whole node (axis '').
+    """One finding about an axis, or about the whole node (axis '').
 
-    ``check`` is a word that stays the same for one kind of finding; ``parameter`` the one to
-    change (or the key of the layout), ``value`` the number that was found, ``right`` what
-    ``parameter`` should be, both in ``unit``; ``also`` a parameter that must be the same then.
+    Attributes:
+        check: The word for this kind of finding.
+        what: What is found, with the numbers.
+        why: Why it is a fault.
+        parameter: The parameter to change, or the key of the layout.
+        value: The number that is found, in ``unit``.
+        right: What ``parameter`` should be, in ``unit``.
+        also: A parameter that must have the same value then.
     """
 
     severity: Severity
@@ -37,13 +43,13 @@ class Finding(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Tell it in one line."""
+        """The finding in one line."""
         subject = f'axis {self.axis}: ' if self.axis else ''
         return f'{subject}{self.what}; {self.why}{self.remedy and "; " + self.remedy}'
 
     @property
     def remedy(self) -> str:
-        """Tell what would be right, '' where there is nothing to set."""
+        """The parameter and the value that would be right, '' where there is nothing to set."""
         if self.right is None:
             return ''
         right = self.right
@@ -61,6 +67,15 @@ class Finding(NamedTuple):
             name: None if isinstance(value, float) and not isfinite(value) else value
             for name, value in plain.items()
         }
+
+
+def in_unit(finding: Finding, unit: Unit) -> Finding:
+    """Return a finding in the unit of its axis."""
+    return finding._replace(
+        what=unit.in_message(finding.what),
+        why=unit.in_message(finding.why),
+        unit=unit.of(finding.unit),
+    )
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:

@@ -9,16 +9,16 @@ from ..plant.geometry import true_home
 from ..procedures.motions import Pace, Way
 from ..procedures.states import HomeType, LimitPair
 from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE
+from .axis_with_layout import SIDES, AxisWithLayout
 from .finding import Finding, Severity, down, up
-from .placed import SIDES, Placed
 from .stopping import fastest, stopping_distance
 
 #: The home types that home wherever the run begins.
 ANYWHERE = (HomeType.CurrentPos, HomeType.ZPulse)
 
 
-class Shift(Placed):
-    """Where the final move goes."""
+class FinalMove(AxisWithLayout):
+    """A final move that goes into something."""
 
     def check(self) -> Iterator[Finding]:
         shift, home = self.p.home_shift_distance, true_home(self.at, self.layout.start)

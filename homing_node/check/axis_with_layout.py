@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An axis and its layout as the checks look at it: what stops each search, where, and how late.
+"""One axis with its layout: what stops each search, where, and how far the axis goes on.
 
 Everything is in the toward frame and along the way of a search; see geometry.py.
 """
@@ -19,6 +19,7 @@ from ..procedures.motions import Kind, Way
 from ..procedures.procedure import Row
 from ..procedures.states import HomeType, Input, LimitPair, Role
 from ..procedures.steps import Step
+from .axis_check import AxisCheck
 from .finding import Finding, Severity, down
 from .stopping import fastest, reaction_distance, stopping_distance, turning_distance
 
@@ -56,20 +57,16 @@ class Stop(NamedTuple):
         return fastest(self.overrun, room, at_most)
 
 
-class Placed:
-    """One axis with its layout; the checks derive from it."""
+class AxisWithLayout(AxisCheck):
+    """A check of one axis with its layout; each check that needs the layout derives from it."""
 
     def __init__(
         self, axis: str, parameters: AxisParameters, layout: AxisLayout, timing: Timing
     ) -> None:
-        self.axis, self.p, self.layout, self.timing = axis, parameters, layout, timing
+        super().__init__(axis, parameters, timing)
+        self.layout = layout
         self.at = Geometry(parameters, layout)
         self.limits = limits_of(parameters)
-        self.searches = [
-            (step, row)
-            for step, row in parameters.procedure.rows.items()
-            if row.motion.kind is Kind.SEARCH
-        ]
         self.delay = timing.reaction(parameters, layout.lag)
 
     def found(
@@ -83,7 +80,8 @@ class Placed:
         right: float | str | bool | None = None,
         unit: str = 'm',
     ) -> Finding:
-        return Finding(severity, self.axis, check, what, why, parameter, value, right, unit)
+        """Return a finding about this axis; most are about a position or a distance."""
+        return super().found(severity, check, what, why, parameter, value, right, unit)
 
     def shorter(self, row: Row, one: Stop, room: float) -> tuple[str, float | None, str]:
         """Return what makes a stop end within a room: the parameter, its value and unit."""

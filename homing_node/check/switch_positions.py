@@ -9,8 +9,8 @@ from ..plant.geometry import Flag
 from ..procedures.events import Event
 from ..procedures.motions import Way
 from ..procedures.states import LIMIT_PAIRS, LIMIT_SWITCHES, Input, LimitPair, LSDirection
+from .axis_with_layout import SIDES, AxisWithLayout
 from .finding import Finding, Severity, up
-from .placed import SIDES, Placed
 from .stopping import stopping_distance
 
 #: By what part travel may differ from the distance between the hard stops.
@@ -19,8 +19,8 @@ TRAVEL_TOLERANCE = 0.1
 FAR, VERY_FAR = 0.5, 0.9
 
 
-class Places(Placed):
-    """Where things are."""
+class SwitchPositions(AxisWithLayout):
+    """Switches that are wired, read or placed wrongly."""
 
     def check(self) -> Iterator[Finding]:
         yield from self.wiring()

@@ -10,12 +10,12 @@ from ..procedures.motions import Way
 from ..procedures.procedure import Row
 from ..procedures.states import Input, LimitPair, Role
 from ..procedures.steps import Step
+from .axis_with_layout import SIDES, AxisWithLayout, Stop, ls_type_of
 from .finding import Finding, Severity, down
-from .placed import SIDES, Placed, Stop, ls_type_of
 
 
-class Ends(Placed):
-    """What stops the axis, and before what."""
+class Overruns(AxisWithLayout):
+    """Stops that take too long: into a hard stop, a limit switch, or off a short flag."""
 
     def check(self) -> Iterator[Finding]:
         for step, row in self.searches:
