@@ -35,26 +35,33 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from .course import Course, Happening, Sample
-from .procedures.states import LATCHES, Input, State
+from .procedures.states import LATCHES, Error, Input, State
 
-#: How a request is refused where an input was not heard yet; nothing has moved then.
-UNHEARD = ('no feedback yet', 'no message yet', 'nobody publishes')
-#: States that a node told before we came arrive at once, one after another: no more than so far
-#: apart, s; one that homes tells another every 0.1 s.
-APART = 0.05
-#: How often it is looked whether a node that takes its time is there still, s.
-LOOK = 1.0
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+#: Interval at which a waiting client checks that the node is alive, s.
+ALIVE_PERIOD = 1.0
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What the homing node answered: true where all is well, ``message`` says what or why not."""
+    """The answer of the homing node; it is true if the request has succeeded.
+
+    Attributes:
+        success: Whether the request has succeeded.
+        message: What was done, or `<ErrorName>: <text>`.
+        states: The last state of each axis of a `home`.
+    """
 
     success: bool
     message: str
     states: tuple[AxisState, ...] = ()
+
+    @property
+    def error(self) -> str:
+        """The name of the error, '' if the request has succeeded or names none."""
+        name, colon, _ = self.message.partition(':')
+        return name if colon and not self.success else ''
 
     def __bool__(self) -> bool:
         return self.success
@@ -63,14 +70,20 @@ class Answer:
 class HomingClient:
     """A client of one homing node, in a context and a thread of its own.
 
-    ``node_name`` is the homing node's full name, ``discovery`` how long to wait for it. A node
-    that has just started may not have heard its feedback and switches yet: a request refused for
-    that is repeated for ``patience``. Every call raises TimeoutError where no answer comes.
+    Every call raises TimeoutError if no answer comes.
     """
 
     def __init__(
         self, node_name: str = '/homing_node', discovery: float = 10.0, patience: float = 5.0
     ) -> None:
+        """Join the graph.
+
+        Args:
+            node_name: The full name of the homing node.
+            discovery: Longest wait for the node, s.
+            patience: A request that comes before the node has heard its feedback and switches is
+                repeated for this long, s.
+        """
         self.node_name = node_name
         self.discovery = discovery
         self.patience = patience
@@ -85,6 +98,7 @@ class HomingClient:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._clients: dict[str, Any] = {}
+        self._subscriptions: dict[str, Any] = {}  # to the states, by axis
         self._states: dict[str, AxisState] = {}
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._spin, daemon=True)
@@ -108,10 +122,14 @@ class HomingClient:
         on_feedback: Callable[[Home.Feedback], None] | None = None,
         timeout: float | None = None,
     ) -> Answer:
-        """Home some axes (none: all, in `home_sequence`) and return how it ended.
+        """Home some axes and return how it ended.
 
-        ``on_feedback`` is called at 10 Hz, in the client's thread. KeyboardInterrupt and a
-        timeout stop the axes before they leave this call.
+        KeyboardInterrupt and a timeout stop the axes before they leave this call.
+
+        Args:
+            axes: The names of the axes; none: all axes, in `home_sequence`.
+            on_feedback: Called at 10 Hz, in the client's thread.
+            timeout: Longest wait for the end, s; None: no bound.
         """
         client = self._client(
             'home (action)', lambda: ActionClient(self.node, Home, f'{self.node_name}/home')
@@ -119,12 +137,12 @@ class HomingClient:
         if not client.wait_for_server(self.discovery):
             raise TimeoutError(f'no action {self.node_name}/home within {self.discovery:g} s')
 
-        def tell(message: Any) -> None:
+        def forward(message: Any) -> None:
             if on_feedback is not None:
                 on_feedback(message.feedback)
 
         def run() -> Answer:
-            sent = client.send_goal_async(Home.Goal(axes=list(axes)), tell)
+            sent = client.send_goal_async(Home.Goal(axes=list(axes)), forward)
             goal = self._wait(sent, self.discovery)
             result = goal.get_result_async()
             try:
@@ -133,6 +151,8 @@ class HomingClient:
                 self._wait(goal.cancel_goal_async(), self.discovery, client.server_is_ready)
                 self._wait(result, self.discovery, client.server_is_ready)
                 raise
+            for state in answer.states:
+                self._take_state(state.axis, state)
             return Answer(answer.success, answer.message, tuple(answer.states))
 
         return self._patiently(run)
@@ -140,12 +160,12 @@ class HomingClient:
     def call_home(self, axis: str = '', timeout: float | None = None) -> Answer:
         """Home one axis, or all, through the service instead of the action.
 
-        Where this raises TimeoutError the axis goes on homing: `cancel` stops it.
+        If this raises TimeoutError, the axis goes on homing: `cancel` stops it.
         """
-        return self._patiently(lambda: self._trigger(axis, 'home', timeout))
+        return self._patiently(lambda: self._trigger(axis, 'home', timeout), axis)
 
     def cancel(self, axis: str = '') -> Answer:
-        """Stop one axis, or all; answered when they are at rest."""
+        """Stop one axis, or all; return when they are at rest."""
         return self._trigger(axis, 'cancel')
 
     def resume(self, axis: str) -> Answer:
@@ -157,7 +177,7 @@ class HomingClient:
         return self._call(SetBool, f'{axis}/servo', SetBool.Request(data=on))
 
     def set_parameters(self, axis: str, **values: Any) -> Answer:
-        """Set some parameters of an axis together; they hold from its next run on."""
+        """Set some parameters of an axis together, for its next run."""
         client = self._client(
             'parameters', lambda: AsyncParameterClient(self.node, self.node_name)
         )
@@ -170,9 +190,8 @@ class HomingClient:
     def state(self, axis: str) -> AxisState:
         """Return the newest state of an axis."""
         with self._changed:
-            new = axis not in self._clients
-            if new:
-                self._clients[axis] = self.node.create_subscription(
+            if axis not in self._subscriptions:
+                self._subscriptions[axis] = self.node.create_subscription(
                     AxisState,
                     f'{self.node_name}/{axis}/state',
                     partial(self._take_state, axis),
@@ -180,12 +199,7 @@ class HomingClient:
                 )
             if not self._changed.wait_for(lambda: axis in self._states, self.discovery):
                 raise TimeoutError(f'no {self.node_name}/{axis}/state within {self.discovery:g} s')
-            state = self._states[axis]
-            while new and self._changed.wait_for(
-                lambda known=state: self._states[axis] is not known, APART
-            ):
-                state = self._states[axis]
-            return state
+            return self._states[axis]
 
     @contextmanager
     def record(self, axis: str, joint: str = '') -> Iterator[Course]:
@@ -206,14 +220,25 @@ class HomingClient:
         with suppress(ExternalShutdownException):
             self._executor.spin()
 
-    def _patiently(self, run: Callable[[], Answer]) -> Answer:
-        """Repeat a request that was refused for an input that was not heard yet."""
+    def _patiently(self, run: Callable[[], Answer], axis: str = '') -> Answer:
+        """Repeat a request while it is refused because the node has not heard its inputs."""
         until = time.monotonic() + self.patience
         while True:
             answer = run()
-            if not any(text in answer.message for text in UNHEARD) or time.monotonic() > until:
+            if not self._unheard(answer, axis) or time.monotonic() > until:
                 return answer
             time.sleep(0.05)
+
+    def _unheard(self, answer: Answer, axis: str) -> bool:
+        """Return whether a request was refused because the node has not heard its inputs.
+
+        Only then nothing has moved. FeedbackStale can also end a run, which is then the error in
+        the state of its axis.
+        """
+        if answer.error == Error.FeedbackStale:
+            states = answer.states or ((self.state(axis),) if axis else ())
+            return bool(states) and all(state.error != answer.error for state in states)
+        return answer.error == Error.SwitchUnknown
 
     def _client(self, name: str, make: Callable[[], Any]) -> Any:
         if name not in self._clients:
@@ -233,26 +258,35 @@ class HomingClient:
         return Answer(response.success, response.message)
 
     def _wait(
-        self, future: Any, timeout: float | None, there: Callable[[], bool] = lambda: True
+        self, future: Any, timeout: float | None, alive: Callable[[], bool] = lambda: True
     ) -> Any:
-        """Return a future's result; ``there`` tells whether who shall give it still is."""
+        """Return a future's result; ``alive()`` returns whether its server is still there."""
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
         until = math.inf if timeout is None else time.monotonic() + timeout
-        while not done.wait(max(0.0, min(LOOK, until - time.monotonic()))):
+        while not done.wait(max(0.0, min(ALIVE_PERIOD, until - time.monotonic()))):
             if time.monotonic() >= until:
                 raise TimeoutError(f'{self.node_name} did not answer within {timeout:g} s')
-            if not there():
+            if not alive():
                 raise TimeoutError(f'{self.node_name} has ended, or is out of reach')
         return future.result()
 
     def _take_state(self, axis: str, message: AxisState) -> None:
+        """Keep a state unless it is older than the newest one."""
         with self._changed:
-            self._states[axis] = message
+            known = self._states.get(axis)
+            if known is None or _time_of(message) >= _time_of(known):
+                self._states[axis] = message
             self._changed.notify_all()
 
 
-Info = Mapping[str, int]  # what the middleware tells of a message
+def _time_of(state: AxisState) -> tuple[int, int]:
+    stamp = state.header.stamp
+    return stamp.sec, stamp.nanosec
+
+
+#: What the middleware says of a message.
+Info = Mapping[str, int]
 
 
 class Recorder:

@@ -734,7 +734,7 @@ def test_new_parameters_keep_what_is_known():
     made.configure(rig('HS', homing_velocity_fast=0.1).parameters())
     assert made.unknown_inputs == ()
     made.configure(rig('HS', invert_hs_polarity=True).parameters())
-    assert made.unknown_inputs == (Input.HOME_SWITCH,)
+    assert made.unknown_inputs == ()  # the known level is turned
 
 
 def test_a_run_keeps_its_parameters():

@@ -17,6 +17,7 @@ from std_msgs.msg import Bool, Float64
 from homing_node.core.axis import Axis
 from homing_node.procedures.states import Error, Input
 from homing_node.ros.inputs import MANY_LISTS, Inputs
+from homing_node.ros.polling import MOST_AT_ONCE
 from homing_node.ros.timebase import TimeBase
 
 
@@ -240,6 +241,52 @@ def test_any_messages_in_any_order(home_type, events):
     assert not cell.axis.running
     cell.cycle()
     assert cell.last is None
+
+
+def test_the_arrival_of_a_switch_is_the_middleware_s():
+    """Not the poll's: a bounce must not seem longer, or a clock further behind, than it is."""
+    cell = Cell('HS')
+    taken = []
+    cell.axis.switch = lambda *edge: taken.append(edge)
+    cell.say('home_switch', Bool(data=True), stamp=-0.003, age=0.002)
+    sent = cell.clock.now
+    cell.cycle()
+    ((_, time_of_edge, _, arrival, doubt),) = taken
+    assert arrival == pytest.approx(sent - 0.002, abs=1e-6)
+    assert time_of_edge == pytest.approx(sent - 0.003, abs=1e-6)
+    assert doubt == 0.0
+
+
+@pytest.mark.parametrize('topic', ['home_switch', 'emergency_stop', 'joint_states'])
+def test_a_flooded_topic_does_not_hold_the_cycle(topic):
+    cell = Cell('HS')
+    flood = {
+        'home_switch': Bool(data=False),
+        'emergency_stop': Bool(data=False),
+        'joint_states': JointState(name=['x'], position=[0.05]),
+    }[topic]
+    for _ in range(3 * MOST_AT_ONCE):
+        cell.say(topic, flood)
+    cell.inputs.poll()
+    assert len(cell.topics[topic].waiting) == 2 * MOST_AT_ONCE
+    for _ in range(2):
+        cell.inputs.poll()
+    assert cell.topics[topic].waiting == []
+
+
+@pytest.mark.parametrize('known', [False, True])
+def test_a_changed_polarity_keeps_the_subscription(known):
+    cell = Cell('HS')
+    cell.axis.stop(Error.Canceled, 'enough')
+    while cell.axis.running:
+        cell.say('joint_states', JointState(name=['x'], position=[cell.last or 0.05]))
+        cell.cycle()
+    before = dict(cell.topics)
+    cell.axis.configure(rig('HS', invert_hs_polarity=known).parameters())
+    cell.inputs.wire('x', {})
+    assert cell.topics == before
+    assert cell.inputs.unready('x', lambda _: []) is None
+    assert cell.axis.unknown_inputs == ()
 
 
 # -- whose joints come together -------------------------------------------------------------------

@@ -3,6 +3,7 @@
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from homing_interfaces.msg import AxisState
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool, Float64
 
@@ -10,7 +11,7 @@ from homing_node.core.axis import Axis
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import axis_parameters
 from homing_node.parameters.configuration import AXIS_DEFINITIONS, NODE_DEFINITIONS
-from homing_node.procedures.states import Error, Input
+from homing_node.procedures.states import Error, Input, State
 from homing_node.ros import messages
 
 
@@ -76,7 +77,6 @@ def test_values(message):
 
 def test_numbers_are_cast():
     """An integer in a field for real numbers would arrive as another number."""
-    assert list(messages.position_commands([1, 2.5]).data) == [1.0, 2.5]
     assert list(messages.joint_states(0, {'a': 1}).position) == [1.0]
 
 
@@ -101,6 +101,7 @@ def test_axis_state(axis):
     message = messages.axis_state(2_500_000_000, axis)
     assert ns(message.header.stamp) == 2_500_000_000
     assert (message.axis, message.state, message.error) == ('x', 'Idle', 'NoError')
+    assert (message.error_code, message.state_code) == (0, AxisState.STATE_IDLE)
     assert (message.paused, message.homed) == (False, False)
     assert message.position == 0.5
     axis.outcome = Outcome(Error.NoError, '', 0.25, 0.125, 0.001)
@@ -114,14 +115,33 @@ def test_axis_state(axis):
 
 def test_diagnostics(axis):
     def status():
-        (found,) = messages.diagnostics(0, 'homing_node', [axis]).status
+        (found,) = messages.diagnostics(0, '/cell/homing_node', [axis]).status
         return found
 
     assert (status().level, status().message) == (DiagnosticStatus.WARN, 'not homed')
-    assert (status().name, status().hardware_id) == ('homing_node: x', 'x')
+    assert (status().name, status().hardware_id) == (
+        '/cell/homing_node: x',
+        '/cell/homing_node/x',
+    )
     axis.outcome = Outcome(Error.Timeout, 'too long')
     assert (status().level, status().message) == (DiagnosticStatus.ERROR, 'Timeout: too long')
     axis.outcome = Outcome(Error.NoError)
     axis.homed = True
     assert (status().level, status().message) == (DiagnosticStatus.OK, 'homed')
     assert {pair.key: pair.value for pair in status().values}['state'] == 'Idle'
+
+
+def test_each_error_and_each_state_has_a_number_of_its_own():
+    assert messages.constant_of('MaxLSRevDistanceTraveled') == 'MAX_LS_REV_DISTANCE_TRAVELED'
+    assert messages.ERROR_CODES[Error.NoError] == 0
+    assert len(set(messages.ERROR_CODES.values())) == len(Error)
+    assert len(set(messages.STATE_CODES.values())) == len(State)
+    assert messages.ERROR_CODES[Error.LSTriggered] == AxisState.LS_TRIGGERED
+    assert messages.STATE_CODES[State.SecondHSSearch] == AxisState.STATE_SECOND_HS_SEARCH
+
+
+def test_the_first_failure_is_no_cancellation():
+    canceled, failed = Outcome(Error.Canceled, 'y'), Outcome(Error.LSTriggered, 'x')
+    assert messages.first_failure({'y': canceled, 'x': failed}) is failed
+    assert messages.first_failure({'y': canceled}) is canceled
+    assert messages.first_failure({'x': Outcome(Error.NoError)}) is None

@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The action, beside the services."""
 
+import os
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 import ros_harness as ros
 from action_msgs.msg import GoalStatus
 from homing_interfaces.action import Home
+from homing_interfaces.msg import AxisState
 from rclpy.action import ActionClient
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -63,6 +68,7 @@ def test_a_goal_homes_axes_in_sequence(client):
     end = client.answer(ended)
     assert end.status == GoalStatus.STATUS_SUCCEEDED
     assert end.result.success
+    assert end.result.error_code == 0
     assert end.result.message.startswith('Homed: ')
     assert [state.axis for state in end.result.states] == ['a', 'b']
     for state in end.result.states:
@@ -103,6 +109,34 @@ def test_a_goal_that_is_canceled_stops_first(client):
     ros.assert_stopped(client, setpoints, 'long', 0.5)
 
 
+@pytest.mark.parametrize('number', range(6))
+def test_a_goal_whose_client_is_interrupted_is_canceled(client, world, number):
+    """The client's process knows the status by then, as soon as 0.3 s after the acceptance."""
+    ended = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name('send_goal.py')), 'long', '0.3'],
+        env={**os.environ, 'ROS_DOMAIN_ID': str(world.domain.number)},
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=ros.PATIENCE,
+    )
+    assert ended.stdout == f'canceled {GoalStatus.STATUS_CANCELED}\n'
+    assert 'nothing to cancel' in client.trigger('long/cancel').message
+
+
+def test_a_goal_that_is_canceled_before_it_is_executed(client):
+    """It moves nothing."""
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    handle, _, ended = send(client, 'long')
+    client.answer(handle.cancel_goal_async())
+    end = client.answer(ended)
+    assert end.status == GoalStatus.STATUS_CANCELED
+    assert end.result.error_code == AxisState.CANCELED
+    assert {joint for heard in setpoints for joint in heard.message.joint_names} <= {'long'}
+    if 'before anything moved' in end.result.message:
+        assert not setpoints
+
+
 def test_a_goal_that_cannot_run_says_why(client):
     setpoints = client.record(JointTrajectory, 'setpoints')
     future = client.send(Trigger, 'long/home')
@@ -116,6 +150,7 @@ def test_a_goal_that_cannot_run_says_why(client):
         assert end.status == GoalStatus.STATUS_ABORTED
         assert not end.result.success
         assert end.result.message.startswith(start), end.result.message
+        assert end.result.error_code in (AxisState.BUSY, AxisState.UNKNOWN_AXIS)
     assert not future.done()
     assert {joint for heard in setpoints for joint in heard.message.joint_names} == {'long'}
 

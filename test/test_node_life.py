@@ -161,7 +161,9 @@ def test_a_signal_answers_the_request_and_ends_the_node(ended, number):
     assert states[-1].message.error == 'Canceled'
 
 
-def test_reports_that_break_stop_the_axis_and_end_the_node(tmp_path, monkeypatch):
+@pytest.fixture
+def breakable(tmp_path, monkeypatch):
+    """Run a node with two axes that move, and a file that says what shall break."""
     trigger = tmp_path / 'break'
     monkeypatch.setenv('BREAK', str(trigger))
     monkeypatch.setenv(
@@ -169,19 +171,53 @@ def test_reports_that_break_stop_the_axis_and_end_the_node(tmp_path, monkeypatch
         os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')]),
     )
     monkeypatch.setitem(ros.MAINS, 'homing_node', 'breaking_node')
+    axes = {'x': {'home_type': 'HS'}, 'y': {}}
     with ros.World(
-        tmp_path, ros.node_parameters({'x': {}}), ros.plant_parameters({'x': {}})
+        tmp_path, ros.node_parameters(axes), ros.plant_parameters({axis: {} for axis in axes})
     ) as world:
         setpoints = world.client.record(JointTrajectory, 'setpoints')
-        world.client.start('x')
-        ros.at_speed(world.client, setpoints, 'x')
-        world.client.watch()
-        trigger.touch()
-        world.client.until(lambda: not world.node.alive)
-        assert world.node.wait() == 1
-        assert "the reports broke: OSError('the network is gone')" in world.node.output
-        ros.assert_stopped(world.client, setpoints, 'x')
-        world.processes.remove(world.node)
+        answers = {axis: world.client.start(axis) for axis in axes}
+        for axis in axes:
+            ros.at_speed(world.client, setpoints, axis)
+        yield world, setpoints, answers, trigger
+
+
+@pytest.mark.parametrize(('part', 'name'), [('reports', 'reports'), ('inputs', 'cycle')])
+def test_a_thread_that_breaks_stops_the_axes_and_ends_the_node(breakable, part, name):
+    world, setpoints, answers, trigger = breakable
+    world.client.watch()
+    trigger.write_text(part)
+    world.client.until(lambda: not world.node.alive)
+    assert world.node.wait() == 1
+    assert f'the {name} broke' in world.node.output
+    assert "OSError('the network is gone')" in world.node.output
+    for axis in answers:
+        samples = ros.course_of(setpoints, axis)
+        ros.assert_within_limits(samples, 0.05, 1.0, ros.AXIS['max_jerk'])
+        assert samples[-1].velocity == samples[-1].acceleration == 0.0
+    for answer in answers.values():
+        assert world.client.answer(answer).message.startswith('Canceled: ')
+    world.processes.remove(world.node)
+
+
+def test_an_axis_that_breaks_stops_alone(breakable):
+    """The node goes on, and so does the other axis."""
+    world, setpoints, answers, trigger = breakable
+    trigger.write_text('HS')
+    answer = world.client.answer(answers['x'])
+    assert answer.message.startswith("InternalError: axis x: OSError('the network is gone')")
+    assert world.client.answer(answers['y']).success
+    assert ros.course_of(setpoints, 'y')[-1].velocity == 0.0
+    trigger.unlink()
+    assert world.client.home('x')['x'].success  # it is not broken for ever
+    assert "axis x broke: OSError('the network is gone')" in world.node.output
+    log = world.node.output
+    world.processes.remove(world.node)  # its log has a traceback, as it should
+    world.node.signal()
+    world.client.watch()
+    world.client.until(lambda: not world.node.alive)
+    assert world.node.wait() == 0
+    assert log.count('Traceback') == 1
 
 
 # ------------------------------------------------------- position interface, names and topics

@@ -5,6 +5,7 @@ import time
 
 import pytest
 import ros_harness as ros
+from homing_interfaces.msg import AxisState
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameterTypes, ListParameters
 from std_msgs.msg import Bool
@@ -484,8 +485,29 @@ def test_a_topic_that_cannot_be_subscribed_to(client, setpoints, topic):
 
 
 def test_a_script_reads_the_newest_state(client, world, monkeypatch):
-    """Not the first of those that the node told before."""
+    """Not the first of those that the node published before."""
     assert client.home('two')['two'].success
     monkeypatch.setenv('ROS_DOMAIN_ID', str(world.domain.number))
     with HomingClient() as homing:
         assert homing.state('two').homed
+
+
+@pytest.mark.parametrize('ask', ['home', 'call_home'])
+def test_a_script_that_has_homed_an_axis_sees_it_homed(world, monkeypatch, ask):
+    """The last state of a run leaves before its answer."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(world.domain.number))
+    with HomingClient() as homing:
+        for _ in range(5):
+            homing.state('two')
+            assert getattr(homing, ask)('two')
+            assert homing.state('two').homed
+
+
+def test_who_comes_late_gets_the_last_state(client, world):
+    """`ros2 topic echo --once` prints the first message that comes."""
+    assert client.home('two')['two'].success
+    late = client.record(AxisState, 'two/state', ros.LATCHED)
+    client.until(lambda: late)
+    assert (late[0].message.state, late[0].message.homed) == ('Idle', True)
+    assert (late[0].message.error_code, late[0].message.state_code) == (0, AxisState.STATE_IDLE)
+    client.forget(late)

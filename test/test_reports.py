@@ -3,6 +3,7 @@
 
 import itertools
 import math
+import queue
 import random
 import threading
 from collections import Counter
@@ -179,3 +180,83 @@ def test_what_comes_by_time_always_comes(monkeypatch):
     told.start()
     told.join(20.0)
     assert not told.is_alive()
+
+
+class Turns:
+    """A clock that only waiting moves, and reports that note when they come."""
+
+    def __init__(self, monkeypatch):
+        self.now, self.times = 0.0, []
+        monkeypatch.setattr(
+            reports,
+            'time',
+            SimpleNamespace(monotonic=lambda: self.now, sleep=lambda _: None),
+        )
+        monkeypatch.setattr(reports.messages, 'diagnostics', lambda *_: self.note())
+        self.held_up = 0.0
+        self.watched = Watched(0)
+        self.watched.reports._queue = self
+
+    def note(self):
+        self.times.append(self.now)
+        self.now += self.held_up
+        self.held_up = 0.0
+
+    def get(self, timeout):
+        self.now += timeout
+        raise queue.Empty
+
+    def get_nowait(self):
+        raise queue.Empty
+
+    def put(self, item):
+        pass
+
+    @staticmethod
+    def empty():
+        return True
+
+    def run(self, times):
+        self.watched.reports.run(lambda: len(self.times) >= times)
+
+
+def test_a_late_report_is_timed_anew(monkeypatch):
+    """It does not catch up in a burst."""
+    turns = Turns(monkeypatch)
+    turns.run(3)
+    turns.held_up = 5.5
+    turns.run(len(turns.times) + 4)
+    pauses = [later - earlier for earlier, later in itertools.pairwise(turns.times[3:])]
+    assert pauses[0] >= 5.5
+    assert pauses[1:] == pytest.approx([1.0] * len(pauses[1:]))
+
+
+def test_what_is_afterwards_comes_behind_what_was_queued():
+    watched = Watched(1)
+    (axis,) = watched.axes.values()
+    end(axis, Outcome(Error.NoError, '', 1.0, 1.0))
+    watched.reports.report(axis)
+    watched.reports.afterwards(
+        lambda argument: watched.published.append(('answer', argument)), 'x'
+    )
+    assert watched.published == []
+    watched.reports.run(lambda: True)
+    kinds = [kind for kind, _ in watched.published]
+    assert kinds.index('states') < kinds.index('answer')
+    watched.reports.afterwards(lambda argument: watched.published.append(('late', argument)), 'x')
+    assert watched.of('late') == ['x']
+
+
+def test_what_is_afterwards_comes_though_publishing_breaks():
+    watched, given = Watched(1), []
+
+    def broken(_):
+        raise OSError('the network is gone')
+
+    watched.reports.afterwards(broken, 'first')
+    watched.reports.afterwards(given.append, 'second')
+    with pytest.raises(OSError, match='gone'):
+        watched.reports.run(lambda: False)
+    assert given == ['second']
+    watched.reports.afterwards(given.append, 'third')
+    assert given == ['second', 'third']

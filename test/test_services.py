@@ -25,7 +25,7 @@ def test_what_was_told_before_a_request_counts_before_it():
         done.append('home')
         return Outcome(Error.Busy, 'busy')
 
-    services = Services(SimpleNamespace(home=home), None, clock, lock, poll)
+    services = Services(SimpleNamespace(home=home), None, clock, lock, poll, None)
     serving = services.home(['x'], 'me')(None, SimpleNamespace())
     try:
         serving.send(None)

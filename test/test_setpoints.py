@@ -174,3 +174,30 @@ def test_a_command_is_not_kept_from_one_run_to_the_next():
     cell.home('y')
     cell.cycle(x=0.06)
     assert cell.commands()[0] == 0.06
+
+
+def test_an_axis_at_rest_whose_servo_was_off():
+    cell = Cell(PositionSetpoints)
+    cell.home('y')
+    cell.cycle(x=0.07)
+    cell.axes['x'].set_servo(False)
+    cell.cycle(x=0.065)
+    cell.axes['x'].set_servo(True)
+    cell.cycle(x=0.06)
+    assert cell.commands()[0] == 0.06
+
+
+def test_an_axis_that_rested_before_its_run():
+    cell = Cell(PositionSetpoints)
+    cell.home('y')
+    cell.cycle()
+    assert cell.commands()[0] == 0.05
+    cell.home('x')
+    for _ in range(100):
+        moving = cell.cycle()
+    cell.axes['x'].stop(Error.SwitchStale, 'because')
+    while cell.axes['x'].running:
+        moving = cell.cycle() or moving
+    cell.cycle()
+    assert cell.axes['y'].running
+    assert cell.commands()[0] == cell.places['x'] > 0.06

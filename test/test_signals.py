@@ -354,3 +354,19 @@ def test_edges_alternate_and_end_at_the_last_level(messages, debounce):
     assert switch.level is level
     assert [e.rises for e in edges] == [i % 2 == 0 for i in range(len(edges))]
     assert [e.time for e in edges] == sorted(e.time for e in edges)
+
+
+@pytest.mark.parametrize('level', [False, True])
+def test_a_changed_polarity_turns_the_known_level(level):
+    switch = Switch(Input.HOME_SWITCH)
+    switch.turn(True)
+    assert switch.level is None
+    switch.turn(False)
+    switch.set(1.0, level, 1.0)
+    switch.turn(True)
+    assert switch.level is not level
+    assert switch.set(2.0, level, 2.0) is None  # the same level on the wire is no edge
+    edge = switch.set(3.0, not level, 3.0)
+    assert edge.rises is level
+    switch.turn(True)
+    assert switch.level is level

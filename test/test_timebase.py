@@ -34,6 +34,18 @@ def test_a_step_of_the_system_clock_does_no_harm(monkeypatch):
     assert clock.time_of(time.time_ns()) == pytest.approx(clock.now, abs=0.1)
 
 
+def test_clocks_are_related_by_their_closest_readings(monkeypatch):
+    """One that was held up between two readings does not shift every stamp."""
+    monotonic = iter([100.0, 100.005, 100.005001, 100.009])
+    monkeypatch.setattr(time, 'monotonic', lambda: next(monotonic, 200.0))
+    clock = TimeBase.__new__(TimeBase)
+    clock._ros_time = None
+    wall = iter([7_000_000_000, 7_005_000_000, 7_006_000_000])
+    monkeypatch.setattr(time, 'time_ns', lambda: next(wall))
+    clock.relate()
+    assert clock.time_of(7_005_000_000) == pytest.approx(100.005001, abs=1e-6)
+
+
 def test_simulated_time():
     ros_time = [5_000_000_000]
     clock = TimeBase(lambda: ros_time[0])

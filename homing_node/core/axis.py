@@ -192,6 +192,14 @@ class Axis:
         """End the run, if one is on, with an error: a stop with ls_dec."""
         self._fail(error, message)
 
+    def abort(self, error: Error, message: str) -> None:
+        """End the run at once, without a stop: its own code has failed."""
+        self.machine = None
+        self.homed = False
+        self._rest = None
+        self.outcome = Outcome(error, f'axis {self.name}: {message}')
+        self.history.add(error, 0.0)
+
     def cycle_was_late(self, since: float, message: str) -> None:
         """Take that no cycle came since a time; a run that began later has missed none."""
         if self.machine is not None and self.machine.now < since:

@@ -40,7 +40,7 @@ class Readings:
         self.configure(parameters)
 
     def configure(self, parameters: AxisParameters) -> None:
-        """Use new parameters; a switch whose polarity stays the same keeps its level."""
+        """Use new parameters; the known level of a switch is turned with its polarity."""
         self._parameters = parameters
         sign = parameters.home_direction.sign
         if sign != self._sign:
@@ -48,10 +48,8 @@ class Readings:
             self._sign = sign
         old, self.switches = self.switches, {}
         for switch in switch_inputs(parameters.inputs):
-            inverted = parameters.inverted(switch)
-            known = old.get(switch)
-            if known is None or known.inverted != inverted:
-                known = Switch(switch, inverted)
+            known = old.get(switch) or Switch(switch)
+            known.turn(parameters.inverted(switch))
             known.debounce = parameters.switch_debounce
             self.switches[switch] = known
 

@@ -307,6 +307,14 @@ class Switch:
         """
         return self._confirm(now - self._heard)
 
+    def turn(self, inverted: bool) -> None:
+        """Use a polarity from now on; the known level is turned with it, and is no edge."""
+        if inverted != self.inverted:
+            self.inverted = inverted
+            self._raw = not self._raw
+            if self.level is not None:
+                self.level = not self.level
+
     def set_back(self, now: float) -> None:
         """Take the level as told now: the times before come once more."""
         self.seen = now

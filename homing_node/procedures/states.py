@@ -87,6 +87,7 @@ class Error(TextEnum):
     Busy = 'Busy'
     InvalidParameter = 'InvalidParameter'
     UnknownAxis = 'UnknownAxis'
+    InternalError = 'InternalError'
 
 
 class LSType(TextEnum):

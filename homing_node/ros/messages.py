@@ -5,6 +5,7 @@ Scalars are cast to their field's type: a wrong type is not noticed when a messa
 """
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -15,12 +16,11 @@ from homing_interfaces.msg import AxisState
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 
 from ..core.axis import Axis
 from ..core.outcome import Outcome
 from ..parameters.definition import Definition
-from ..procedures.states import Error
+from ..procedures.states import Error, State
 from .serialized import NS
 
 
@@ -64,6 +64,16 @@ def plain(value: object) -> object:
     return value
 
 
+def constant_of(name: str) -> str:
+    """Return the constant of an error or a state: `LSTriggered` has `LS_TRIGGERED`."""
+    return re.sub(r'(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])', '_', name).upper()
+
+
+#: The numbers of errors and states in the messages.
+ERROR_CODES = {error: getattr(AxisState, constant_of(error.value)) for error in Error}
+STATE_CODES = {state: getattr(AxisState, f'STATE_{constant_of(state.value)}') for state in State}
+
+
 def to_stamp(nanoseconds: int) -> Time:
     return Time(sec=nanoseconds // NS, nanosec=nanoseconds % NS)
 
@@ -77,26 +87,27 @@ def data_of(data: bytes, kind: type[Any]) -> bool | float | None:
     return value
 
 
-def position_commands(commands: Iterable[float]) -> Float64MultiArray:
-    return Float64MultiArray(data=[float(c) for c in commands])
-
-
 def joint_states(stamp: int, homed: Mapping[str, float]) -> JointState:
-    """Make the homed coordinates of the homed joints into a message."""
+    """Return a message with the homed coordinates of the homed joints."""
     message = JointState(name=list(homed), position=[float(p) for p in homed.values()])
     message.header.stamp = to_stamp(stamp)
     return message
 
 
-def home_message(outcomes: Mapping[str, Outcome]) -> str:
-    """Tell how a request for some axes ended: the first failure, or the home of each.
+def first_failure(outcomes: Mapping[str, Outcome]) -> Outcome | None:
+    """Return the first outcome that is an error, None if all axes are homed.
 
-    What was canceled is rather a consequence than the first failure.
+    A cancellation is a consequence, so another failure comes first.
     """
     failed = [outcome for outcome in outcomes.values() if not outcome.success]
-    if failed:
-        first = min(failed, key=lambda outcome: outcome.error is Error.Canceled)
-        return _warned(f'{first.error}: {first.message}', first)
+    return min(failed, key=lambda outcome: outcome.error is Error.Canceled, default=None)
+
+
+def home_message(outcomes: Mapping[str, Outcome]) -> str:
+    """Say how a request for some axes ended: the first failure, or the home of each."""
+    failure = first_failure(outcomes)
+    if failure is not None:
+        return _warned(f'{failure.error}: {failure.message}', failure)
     homes = {axis: _warned(_home_text(one), one) for axis, one in outcomes.items()}
     several = len(homes) > 1
     return 'Homed: ' + '; '.join(
@@ -124,7 +135,7 @@ def _warned(text: str, outcome: Outcome) -> str:
 
 
 def cancel_message(moving: Sequence[str], waiting: Sequence[str]) -> str:
-    """Tell what was canceled: axes that moved and rest now, and axes that waited to start."""
+    """Say what was canceled: axes that moved and now rest, and axes that waited to start."""
     parts = [
         f'{what}: {", ".join(names)}'
         for what, names in (('at rest', moving), ('not started', waiting))
@@ -134,14 +145,16 @@ def cancel_message(moving: Sequence[str], waiting: Sequence[str]) -> str:
 
 
 def axis_state(stamp: int, axis: Axis) -> AxisState:
-    """Tell where an axis stands; while it stops after an error, that error already."""
+    """Return the state of an axis; while it stops after an error, with that error already."""
     outcome = axis.outcome
     message = AxisState(
         axis=axis.name,
         state=str(axis.state),
+        state_code=STATE_CODES[axis.state],
         paused=axis.paused,
         homed=bool(axis.homed),
         error=str(axis.error),
+        error_code=ERROR_CODES[axis.error],
         message=axis.message,
         position=float(axis.position),
         home_offset=float(outcome.home_offset),
@@ -153,7 +166,7 @@ def axis_state(stamp: int, axis: Axis) -> AxisState:
 
 
 def feedback(stamp: int, axes: Sequence[Axis]) -> Home.Feedback:
-    """Tell a goal of the action how far each of its axes has come; a bound of 0 is none."""
+    """Return how far each axis of a goal has come; a bound of 0 is none."""
     message = Home.Feedback(states=[axis_state(stamp, axis) for axis in axes])
     for axis in axes:
         traveled, bound = axis.machine.traveled if axis.machine else (0.0, 0.0)
@@ -163,7 +176,7 @@ def feedback(stamp: int, axes: Sequence[Axis]) -> Home.Feedback:
 
 
 def diagnostics(stamp: int, node: str, axes: Iterable[Axis]) -> DiagnosticArray:
-    """Tell the level, state, last outcome and the history of every axis."""
+    """Return level, state, last outcome and history of every axis; ``node``: its full name."""
     message = DiagnosticArray(status=[_diagnostic(node, axis) for axis in axes])
     message.header.stamp = to_stamp(stamp)
     return message
@@ -196,6 +209,6 @@ def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
         level=level,
         name=f'{node}: {axis.name}',
         message=text,
-        hardware_id=axis.name,
+        hardware_id=f'{node}/{axis.name}',
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )

@@ -9,14 +9,17 @@ held.
 
 import threading
 import time
+import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionServer, CancelResponse
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
@@ -25,7 +28,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 from std_srvs.srv import SetBool, Trigger
 
-from ..core.axis import Axis
 from ..core.dispatch import Dispatch
 from ..core.outcome import Outcome
 from ..parameters.axis import AxisParameters
@@ -33,6 +35,7 @@ from ..parameters.configuration import home_sequence
 from ..parameters.qos import POLICIES
 from ..procedures.states import Error
 from .configured_node import ConfiguredNode
+from .guarded_axis import GuardedAxis
 from .inputs import Inputs
 from .polling import Polled, never_called
 from .reports import Publishers, Reports
@@ -66,13 +69,15 @@ class HomingNode(ConfiguredNode):
         self._cycle_timeout = checked.cycle_timeout
         self._joints = checked.joints
         self._axes = {
-            name: Axis(name, parameters, self._period) for name, parameters in checked.axes.items()
+            name: GuardedAxis(name, parameters, self._period, self._axis_broke)
+            for name, parameters in checked.axes.items()
         }
         self._watched = 0.0
         self._lead = Lead(self._period)
         self._stop_requested = False
         self.finished = threading.Event()
         self.broken = False
+        self._inputs_ignored = False  # while the axes stop because the cycle has broken
 
         self._lock = threading.Lock()
         simulated = bool(self.get_parameter('use_sim_time').value)
@@ -151,7 +156,12 @@ class HomingNode(ConfiguredNode):
     def _create_services(self) -> None:
         group = ReentrantCallbackGroup()
         services = self.servers = Services(
-            self._dispatch, self._reports, self._timebase, self._lock, self._inputs.poll
+            self._dispatch,
+            self._reports,
+            self._timebase,
+            self._lock,
+            self._inputs.poll,
+            partial(self._pause, group),
         )
 
         def serve(kind: Any, name: str, callback: Any) -> None:
@@ -170,8 +180,26 @@ class HomingNode(ConfiguredNode):
             return CancelResponse.ACCEPT
 
         self._action = ActionServer(
-            self, Home, '~/home', services.execute, cancel_callback=cancel, callback_group=group
+            self,
+            Home,
+            '~/home',
+            services.execute,
+            callback_group=group,
+            handle_accepted_callback=services.accept,
+            cancel_callback=cancel,
         )
+
+    def _pause(self, group: CallbackGroup, seconds: float) -> Future:
+        """Return a future that the executor sets after a time of the steady clock."""
+        future = self._new_future()
+
+        def end() -> None:
+            self.destroy_timer(timer)
+            future.set_result(None)
+
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        timer = self.create_timer(seconds, end, callback_group=group, clock=clock)
+        return future
 
     def _ros_time(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -235,13 +263,15 @@ class HomingNode(ConfiguredNode):
         for thread in self._threads:
             thread.join()
 
+    def _axis_broke(self, text: str, error: Exception) -> None:
+        """Log why an axis has broken; it stops, and the others go on."""
+        trace = ''.join(traceback.format_exception(error))
+        self.get_logger().error(f'{text}\n{trace}')
+
     def _guarded(
         self, name: str, loop: Callable[[Callable[[], bool]], None], ended: Callable[[], bool]
     ) -> None:
-        """Run a thread's loop; where it breaks the node ends: it must not seem alive.
-
-        The axes stop before that, unless it is the cycle itself.
-        """
+        """Run a thread's loop; if it breaks, the axes stop and the node ends."""
         try:
             loop(ended)
         except Exception as error:
@@ -249,7 +279,7 @@ class HomingNode(ConfiguredNode):
                 self.get_logger().fatal(f'the {name} broke: {error!r}')
                 self.broken = True
                 if name == 'cycle':
-                    self._finish()
+                    self._abandon('the node ended because its cycle broke')
                 else:
                     self.stop()
                 raise
@@ -271,7 +301,7 @@ class HomingNode(ConfiguredNode):
             begin = due - self._lead.time
             clock.sleep_until(begin, hopeless)
             if hopeless():
-                self._abandon()
+                self._abandon('the node ended while simulated time stood still')
                 return
             late = clock.read() - begin
             late_cycle = self._late_cycle(late)
@@ -283,7 +313,14 @@ class HomingNode(ConfiguredNode):
                 self._set_back(-late)
             if abs(late) >= self._period:
                 due = clock.now + self._lead.time  # what was missed is not made up for
-            self._cycle(clock.now, due)
+            try:
+                self._cycle(clock.now, due)
+            except Exception as error:
+                if self._inputs_ignored:  # the stop has broken, too
+                    raise
+                self.get_logger().fatal(f'the cycle broke, every axis stops: {error!r}')
+                self.broken = self._inputs_ignored = True
+                self.stop()
 
     def _late_cycle(self, late: float) -> str:
         """Return the message of CycleLate if a cycle was too late, else ''; ``late`` in s."""
@@ -298,10 +335,11 @@ class HomingNode(ConfiguredNode):
         """Poll the inputs, update the axes, publish the setpoints, answer what ended."""
         setpoints, changed = {}, False
         with self._lock:
-            self._inputs.poll()
-            if now - self._watched > WATCH_PERIOD:
-                self._watched = now
-                self._inputs.watch()
+            if not self._inputs_ignored:
+                self._inputs.poll()
+                if now - self._watched > WATCH_PERIOD:
+                    self._watched = now
+                    self._inputs.watch()
             if self._stop_requested:
                 self._dispatch.close()
             for name, axis in self._axes.items():
@@ -321,10 +359,10 @@ class HomingNode(ConfiguredNode):
         if finished:
             self._finish()
 
-    def _abandon(self) -> None:
-        """End although axes may not be at rest: where time stands still nothing can stop."""
+    def _abandon(self, reason: str) -> None:
+        """End although axes may not be at rest: nothing can stop them any more."""
         with self._lock:
-            ended = self._dispatch.abandon('the node ended while simulated time stood still')
+            ended = self._dispatch.abandon(reason)
         self._reports.afterwards(self._end_waits, ended)
         self._finish()
 

@@ -23,12 +23,16 @@ from . import messages
 from .reports import Reports
 from .timebase import TimeBase
 
+#: How much later than its acceptance a goal is executed, s.
+ACCEPTANCE = 0.1
+
 
 class Services:
     """Makes the servers; the node gives each of them its name.
 
     ``poll`` gives the axes the messages that have arrived: a message that was sent before a
-    request counts before it. ``open`` is the number of requests that wait for their answer.
+    request counts before it. ``pause`` returns a future that is set after a time, s. ``open`` is
+    the number of requests that wait for their answer.
     """
 
     def __init__(
@@ -38,9 +42,11 @@ class Services:
         timebase: TimeBase,
         lock: threading.Lock,
         poll: Callable[[], None],
+        pause: Callable[[float], Future],
     ) -> None:
         self._dispatch, self._reports = dispatch, reports
         self._timebase, self._lock, self._poll = timebase, lock, poll
+        self._pause = pause
         self._goals: dict[bytes, Request] = {}
         self.open = 0
 
@@ -93,6 +99,16 @@ class Services:
 
         return serve
 
+    async def accept(self, goal: Any) -> None:
+        """Execute a goal once its client can have the acceptance.
+
+        rclpy's client drops a status that comes before the acceptance, and `ros2 action send_goal`
+        cancels at Ctrl-C only a goal whose status it knows. The two take different ways, so the
+        status EXECUTING leaves later.
+        """
+        await self._wait(self._pause(ACCEPTANCE))
+        goal.execute()
+
     async def execute(self, goal: Any) -> Home.Result:
         """Run a goal of the action; a refused goal is aborted, and its result says why."""
         names = list(dict.fromkeys(goal.request.axes)) or self._dispatch.names
@@ -111,7 +127,13 @@ class Services:
             goal.abort()
         with self._lock:
             states = self._reports.states(names)
-        return Home.Result(success=success, message=messages.home_message(outcomes), states=states)
+        failure = messages.first_failure(outcomes)
+        return Home.Result(
+            success=success,
+            message=messages.home_message(outcomes),
+            error_code=0 if failure is None else messages.ERROR_CODES[failure.error],
+            states=states,
+        )
 
     def cancel_goal(self, goal: Any) -> None:
         """Stop what a goal homes; its result comes when its axes are at rest."""

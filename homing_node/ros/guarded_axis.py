@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An axis whose exceptions end its own run and nothing else."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from ..core.axis import Axis
+from ..core.outcome import Outcome
+from ..parameters.axis import AxisParameters
+from ..procedures.states import Error
+
+
+def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
+    def guarded(self: 'GuardedAxis', *args: Any, **kwargs: Any) -> Any:
+        try:
+            return method(self, *args, **kwargs)
+        except Exception as error:
+            self._break_off(error)
+            return None
+
+    guarded.__doc__ = method.__doc__
+    return guarded
+
+
+class GuardedAxis(Axis):
+    """An axis that ends its run with InternalError if its code raises.
+
+    The first exception of a run starts a stop with `ls_dec`. If that raises too, the run ends at
+    once, without a further setpoint.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        parameters: AxisParameters,
+        period: float,
+        report: Callable[[str, Exception], object],
+    ) -> None:
+        """Create the axis.
+
+        Args:
+            name: The name of the axis.
+            parameters: Its parameters.
+            period: The period of the cycle, s.
+            report: Called with a text and the exception, once for each run that breaks.
+        """
+        super().__init__(name, parameters, period)
+        self._report = report
+        self._broken_run = -1  # the number of the run that raised last
+
+    feedback = _guarded(Axis.feedback)
+    switch = _guarded(Axis.switch)
+    latch = _guarded(Axis.latch)
+    enable = _guarded(Axis.enable)
+    warn = _guarded(Axis.warn)
+    cancel = _guarded(Axis.cancel)
+    resume = _guarded(Axis.resume)
+    stop = _guarded(Axis.stop)
+    cycle_was_late = _guarded(Axis.cycle_was_late)
+    set_emergency_stop = _guarded(Axis.set_emergency_stop)
+    set_servo = _guarded(Axis.set_servo)
+    update = _guarded(Axis.update)
+
+    def home(self, now: float) -> Outcome | None:
+        """Start a run; return why it cannot start, None if it has."""
+        try:
+            return super().home(now)
+        except Exception as error:
+            self._break_off(error)
+            self.abort(Error.InternalError, repr(error))
+            return self.outcome
+
+    def _break_off(self, error: Exception) -> None:
+        """Stop the run, if one is on; end it at once if it has raised before."""
+        first = self._broken_run != self.history.runs
+        self._broken_run = self.history.runs
+        self.homed = False
+        if first:
+            self._report(f'axis {self.name} broke: {error!r}', error)
+            with suppress(Exception):
+                super().stop(Error.InternalError, repr(error))
+                return
+        if self.running:
+            self.abort(Error.InternalError, repr(error))
