@@ -732,9 +732,9 @@ def test_no_torque_limit_without_a_mechanical_end():
 def test_new_parameters_keep_what_is_known():
     made = axis()
     made.configure(rig('HS', homing_velocity_fast=0.1).parameters())
-    assert made.unknown_inputs == ()
+    assert made.readings.unknown_inputs == ()
     made.configure(rig('HS', invert_hs_polarity=True).parameters())
-    assert made.unknown_inputs == ()  # the known level is turned
+    assert made.readings.unknown_inputs == ()  # the known level is turned
 
 
 def test_a_run_keeps_its_parameters():

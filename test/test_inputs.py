@@ -331,7 +331,7 @@ class Fed:
             )
         )
         self.inputs.poll()
-        tracks = {name: axis._readings.track for name, axis in self.axes.items()}
+        tracks = {name: axis.readings.track for name, axis in self.axes.items()}
         return (
             ''.join(name for name, track in tracks.items() if track.time == stamp * 1e-9),
             ''.join(name for name, track in tracks.items() if track.time == now * 1e-9),
@@ -455,13 +455,13 @@ def test_the_system_clock_steps(monkeypatch, step, begun, told):
     else:
         happen()
         computer.poll()
-    assert computer.axis.arrival <= computer.monotonic
+    assert computer.axis.readings.arrival <= computer.monotonic
     for position in range(2, 5):
         computer.pass_time(0.002)
         computer.move(position)
         computer.poll()
     assert computer.axis.position == 4.0
-    assert computer.axis.arrival == pytest.approx(computer.monotonic, abs=1e-6)
+    assert computer.axis.readings.arrival == pytest.approx(computer.monotonic, abs=1e-6)
 
 
 @pytest.mark.parametrize(

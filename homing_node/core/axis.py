@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One axis: signals + machine + profile. No clock, no thread, no I/O: time is passed in.
+"""One axis: its inputs, its run, and its setpoints. No clock, no thread, no I/O.
 
-Feed it (:meth:`Axis.feedback`, :meth:`Axis.switch`, :meth:`Axis.latch`), ask it
-(:meth:`Axis.home`, :meth:`Axis.cancel`) and update it once a cycle: :meth:`Axis.update` returns
-the setpoint while a run is on. Raw positions outside, the *toward* frame inside: the sign of the
-homing direction is applied here, once. SI units; times in s of one monotonic clock.
+Give it messages (:meth:`Axis.feedback`, :meth:`Axis.switch`, :meth:`Axis.latch`) and requests
+(:meth:`Axis.home`, :meth:`Axis.cancel`), and call :meth:`Axis.update` once a cycle: it returns the
+setpoint of a run. Positions are raw outside and in the *toward* frame inside: the sign of the
+homing direction is applied here. SI units; times are in s of one monotonic clock.
 """
 
 import math
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import LIMIT_SWITCHES, Error, HomeType, Input, State
+from ..procedures.states import LIMIT_SWITCHES, Error, Input, State
 from .edge_queue import EdgeQueue
 from .history import History
 from .limits import Action
@@ -19,18 +19,27 @@ from .outcome import Failure, Outcome
 from .profile import Profile
 from .readings import Readings
 from .result import outcome_of
-from .settling import Settling
+from .settling import Rest, Settling
 from .signals import Edge, Track
 
-#: What the axis shall do in a cycle, raw: position, velocity and acceleration in m, m/s, m/s^2.
+#: The command of a cycle, raw: position, velocity and acceleration in m, m/s, m/s^2 (or rad ...).
 Setpoint = tuple[float, float, float]
 
 
 class Axis:
     """One axis that can be homed.
 
-    ``machine`` is the run while one is on, ``outcome`` how the last one ended, ``homed`` whether
-    the axis knows its home, ``servo_on`` the servo that we want.
+    Attributes:
+        name: its name.
+        period: the time between two updates, s.
+        parameters: its parameters; :meth:`configure` changes them.
+        readings: what it has received.
+        machine: the run in progress, None between runs.
+        outcome: how the last run ended.
+        history: the runs so far.
+        homed: whether the axis knows its home.
+        servo_on: whether this node wants the servo on.
+        emergency_stop: whether the emergency stop is on.
     """
 
     def __init__(self, name: str, parameters: AxisParameters, period: float) -> None:
@@ -44,23 +53,27 @@ class Axis:
         self.emergency_stop = False
         self.parameters = parameters
         self._sign = parameters.home_direction.sign
-        self._readings = Readings(parameters)
+        self.readings = Readings(parameters)
         self._edges = EdgeQueue()
         self._settling = Settling()
         self._commands = Track()
-        self._rest: tuple[float, float] | None = None  # last command and the feedback there, raw
+        self._rest: Rest | None = None
         self._moved = False
         self.configure(parameters)
 
     def configure(self, parameters: AxisParameters) -> None:
-        """Take new parameters; raises RuntimeError while a run is on."""
+        """Use new parameters.
+
+        Raises:
+            RuntimeError: a run is in progress.
+        """
         if self.machine is not None:
             raise RuntimeError(f'axis {self.name} is homing')
         if parameters.home_type is not self.parameters.home_type:
             self.history.forget_homes()
         self.parameters = parameters
         self._sign = parameters.home_direction.sign
-        self._readings.configure(parameters)
+        self.readings.configure(parameters)
         self.profile = Profile(self.period, parameters.max_jerk)
 
     # ------------------------------------------------------------------------------------- inputs
@@ -68,11 +81,15 @@ class Axis:
     def feedback(
         self, time: float, position: float, arrival: float | None = None, doubt: float = 0.0
     ) -> None:
-        """Take a feedback sample: its sampling time, raw position, and when it arrived.
+        """Record a feedback sample.
 
-        ``doubt`` is how far the time may be wrong, s (0: it is a stamp that is believed).
+        Args:
+            time: when it was sampled, s.
+            position: the raw position, m or rad.
+            arrival: when its message arrived, s; by default ``time``.
+            doubt: how far ``time`` may be wrong, s; 0 if it is a stamp that is trusted.
         """
-        self._readings.feedback(time, position, time if arrival is None else arrival, doubt)
+        self.readings.feedback(time, position, time if arrival is None else arrival, doubt)
 
     def switch(
         self,
@@ -82,24 +99,29 @@ class Axis:
         arrival: float | None = None,
         doubt: float = 0.0,
     ) -> None:
-        """Take a level as it is on the wire, and its time; an input not wired is ignored.
+        """Record the level of a switch; a switch that is not wired is ignored.
 
-        ``doubt`` is how far the time may be wrong, s (0: it is a stamp that is believed).
+        Args:
+            switch: which one.
+            time: when the level was read, s.
+            signal: the level as it is on the wire, before the polarity is applied.
+            arrival: when its message arrived, s; by default ``time``.
+            doubt: how far ``time`` may be wrong, s; 0 if it is a stamp that is trusted.
         """
         arrival = time if arrival is None else arrival
-        edge = self._readings.switch(switch, time, signal, arrival, doubt)
+        edge = self.readings.switch(switch, time, signal, arrival, doubt)
         if edge is not None:
             self._take(edge)
 
     def latch(self, source: Input, position: float) -> None:
-        """Take a latched raw position of the Z-pulse or the touch probe; nonsense is ignored."""
+        """Record a latched raw position; one that is not finite or not wired is ignored."""
         wired = source in self.parameters.inputs
         if self.machine is not None and wired and math.isfinite(position):
             self.machine.latch(source, self._sign * position)
 
     def enable(self, enabled: bool) -> None:
-        """Take the drive's own servo state."""
-        self._readings.servo_enabled = enabled
+        """Record the drive's own servo state; a servo that goes off ends a run."""
+        self.readings.servo_enabled = enabled
         if not enabled and Input.SERVO_ENABLED in self.parameters.inputs:
             self._rest = None
             if self.parameters.clear_home_done_on_servo_off:
@@ -111,12 +133,7 @@ class Axis:
     @property
     def known(self) -> bool:
         """Whether a feedback was ever received."""
-        return self._readings.known
-
-    @property
-    def arrival(self) -> float:
-        """When the newest feedback arrived, s."""
-        return self._readings.arrival
+        return self.readings.known
 
     @property
     def running(self) -> bool:
@@ -125,16 +142,10 @@ class Axis:
     @property
     def powered(self) -> bool:
         """Whether the drive holds the axis, as far as it is known."""
-        return self.servo_on and not self._readings.servo_is_off
-
-    @property
-    def unknown_inputs(self) -> tuple[Input, ...]:
-        """The wired inputs that carry a level which has not been received yet."""
-        return self._readings.unknown_inputs
+        return self.servo_on and not self.readings.servo_is_off
 
     def refusal(self, now: float) -> Outcome | None:
-        """Return why a run cannot start now, None where it can."""
-        p = self.parameters
+        """Return why a run cannot start now, None if it can."""
         if self.machine is not None:
             return self._refused(Error.Busy, f'homing is in progress ({self.machine.state})')
         if self.emergency_stop:
@@ -143,18 +154,14 @@ class Axis:
             return self._refused(
                 Error.ServoOff, 'the servo was switched off; switch it on by the servo service'
             )
-        problems = p.cross_check()
+        problems = self.parameters.cross_check()
         if problems:
             return self._refused(Error.InvalidParameter, '; '.join(problems))
-        if not self.known:
-            return self._refused(
-                Error.FeedbackStale, f'no feedback yet for joint {p.joint or self.name!r}'
-            )
-        unready = self._readings.unready(now)
+        unready = self.readings.unready(now, self.parameters.joint or self.name)
         return None if unready is None else self._refused(*unready[:2])
 
     def home(self, now: float) -> Outcome | None:
-        """Start a run; return why it cannot start, None where it has."""
+        """Start a run; return why it cannot start, None if it has started."""
         refusal = self.refusal(now)
         if refusal is not None:
             return refusal
@@ -165,7 +172,7 @@ class Axis:
         self._settling.restart()
         self._commands = Track()
         self._moved = False
-        readings = self._readings
+        readings = self.readings
         readings.begin_run()
         self.machine = Machine(
             self.parameters, self.profile, readings.switches, now, readings.track.position
@@ -174,12 +181,12 @@ class Axis:
         return None
 
     def warn(self, text: str) -> None:
-        """Note what the user should know of the run that is on, once."""
+        """Add a warning to the run in progress, once."""
         if self.machine is not None:
             self.machine.warn(text)
 
     def cancel(self) -> None:
-        """Stop the run, if one is on, with the active profile."""
+        """Stop a run in progress with the present profile."""
         if self.machine is not None:
             self.machine.cancel()
 
@@ -189,7 +196,7 @@ class Axis:
             self.machine.resume()
 
     def stop(self, error: Error, message: str) -> None:
-        """End the run, if one is on, with an error: a stop with ls_dec."""
+        """End a run in progress with an error; the axis stops with ``ls_dec``."""
         self._fail(error, message)
 
     def abort(self, error: Error, message: str) -> None:
@@ -201,29 +208,33 @@ class Axis:
         self.history.add(error, 0.0)
 
     def cycle_was_late(self, since: float, message: str) -> None:
-        """Take that no cycle came since a time; a run that began later has missed none."""
+        """End a run that was in progress at ``since``, the time of the last cycle, with CycleLate.
+
+        A run that began later has missed no cycle.
+        """
         if self.machine is not None and self.machine.now < since:
             self.stop(Error.CycleLate, message)
 
     def time_jumped_back(self, now: float) -> None:
-        """Forget what was known at times that come once more, for time was set back.
+        """Forget the times of all that was received, because simulated time jumped back.
 
-        The levels stay, as if told now. The feedback has to come anew; the home is lost with it.
+        The levels of the switches stay, as if just received. The feedback must arrive again, and
+        the axis is no longer homed.
         """
         self._settle_switches(math.inf)
-        self._readings.time_jumped_back(now)
+        self.readings.time_jumped_back(now)
         self._edges.clear()
         self._settling.restart()
         self.homed = False
 
     def set_emergency_stop(self, active: bool) -> None:
-        """Take the emergency stop: true ends a run and refuses requests; false moves nothing."""
+        """Set the emergency stop; while it is on, runs end and requests are refused."""
         self.emergency_stop = active
         if active:
             self._fail(Error.EmergencyStop, 'emergency stop')
 
     def set_servo(self, on: bool) -> None:
-        """Set the servo that we want; off ends a run without a further setpoint."""
+        """Set whether this node wants the servo on; off ends a run with no further setpoint."""
         self.servo_on = on
         if not on:
             self._rest = None
@@ -234,8 +245,8 @@ class Axis:
     # --------------------------------------------------------------------------------- each cycle
 
     def update(self, now: float) -> Setpoint | None:
-        """Advance by one period; return the setpoint while a run is on and the axis moves."""
-        readings = self._readings
+        """Advance by one period; return the setpoint if a run moves the axis."""
+        readings = self.readings
         if readings.unsettled:
             self._settle_switches(now)
         machine = self.machine
@@ -270,17 +281,17 @@ class Axis:
 
     @property
     def message(self) -> str:
-        """What to say of the error."""
+        """The error in words."""
         return self.outcome.message if self.machine is None else self.machine.ending.message
 
     @property
     def torque_limit(self) -> float:
-        """The torque limit that the drive shall keep, %; 0: none."""
+        """The torque limit for the drive, %; 0 for none."""
         return 0.0 if self.machine is None else self.machine.torque_limit
 
     @property
     def fingerprint(self) -> tuple[object, ...]:
-        """What differs wherever something changes that others watch; each end of a run does."""
+        """A value that changes when the published state changes, and at the end of each run."""
         machine = self.machine
         if machine is None:
             return self.history.runs, self.homed, self.servo_on
@@ -288,7 +299,7 @@ class Axis:
 
     @property
     def hold_position(self) -> float:
-        """The raw command that keeps the axis where it rests."""
+        """The raw command that keeps the axis where it rests, m or rad."""
         return self._sign * self._start_command()
 
     @property
@@ -297,17 +308,17 @@ class Axis:
 
     @property
     def position(self) -> float:
-        """The newest feedback: in homed coordinates once homed, else raw."""
-        raw = self._sign * self._readings.track.position
+        """The newest feedback: in homed coordinates if the axis is homed, else raw."""
+        raw = self._sign * self.readings.track.position
         return raw - self.outcome.home_offset if self.homed else raw
 
     @property
     def raw_position(self) -> float:
-        return self._sign * self._readings.track.position
+        return self._sign * self.readings.track.position
 
     @property
     def home_position_raw(self) -> float:
-        """Where the reference was taken, raw: in the run that is on, else in the last one."""
+        """Where the reference was found, raw: in the run in progress, else in the last one."""
         machine = self.machine
         if machine is not None and machine.reference is not None:
             return self._sign * machine.reference.position
@@ -316,8 +327,8 @@ class Axis:
     # ------------------------------------------------------------------------------------- inside
 
     def _settle_switches(self, now: float) -> None:
-        """Take the edges that their debounce confirms by now."""
-        for edge in self._readings.settle(now):
+        """Take the edges whose debounce is over by now."""
+        for edge in self.readings.settle(now):
             self._take(edge)
 
     def _take(self, edge: Edge) -> None:
@@ -334,7 +345,7 @@ class Axis:
 
     def _test_inputs(self, now: float) -> None:
         """End the run if an input is too old."""
-        stale = self._readings.stale(now)
+        stale = self.readings.stale(now)
         if stale is None:
             return
         if stale.error is Error.FeedbackStale:
@@ -342,15 +353,13 @@ class Axis:
         self._fail(stale.error, stale.seen)
 
     def _start_command(self) -> float:
-        """Return where the command begins: the feedback, or our last command where it rests."""
-        feedback = self._readings.track.position
-        p = self.parameters
-        if self._rest is not None and p.home_type is not HomeType.CurrentPos:
-            command, rest = self._rest
-            moved = abs(self._sign * feedback - rest)
-            behind = abs(command - rest)
-            if moved <= p.homing_velocity_slow * self.period and behind <= p.following_error_limit:
-                return self._sign * command
+        """Return the first command of a run: the last command if the axis still rests there.
+
+        Else it is the feedback.
+        """
+        rest, feedback = self._rest, self.readings.track.position
+        if rest is not None and rest.holds(self._sign * feedback, self.parameters, self.period):
+            return self._sign * rest.command
         return feedback
 
     def _setpoint(self, now: float) -> Setpoint:
@@ -360,10 +369,10 @@ class Axis:
         return sign * profile.position, sign * profile.velocity, sign * profile.acceleration
 
     def _finish(self, now: float) -> Setpoint | None:
-        """End the run once the feedback has settled, too, where there is one."""
+        """End the run as soon as the feedback has settled after the command."""
         machine = self.machine
         assert machine is not None
-        readings, slow = self._readings, self.parameters.homing_velocity_slow
+        readings, slow = self.readings, self.parameters.homing_velocity_slow
         settled = self._settling.over(now, readings.track, slow)
         follows = self._moved and not machine.ending.silent and readings.feedback_is_fresh(now)
         if follows and not settled:
@@ -379,7 +388,7 @@ class Axis:
         self._rest = (
             None
             if machine.ending.silent or machine.ending.servo_off
-            else (self._sign * self.profile.position, self.raw_position)
+            else Rest(self._sign * self.profile.position, self.raw_position)
         )
         return self._setpoint(now) if self._moved and not machine.ending.silent else None
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ends of the switches' flags, as the axis passed them going toward.
+"""The ends of the flags of the switches, as the axis passed them going toward.
 
-Positions are in the *toward* frame, m or rad. A contact bounces where it changes: of edges that
-lie within ``bounce_distance`` of each other only the first is an end of the flag.
+Positions are in the *toward* frame, m or rad. A contact bounces where it changes: if edges lie
+within ``bounce_distance`` of each other, only the first one is an end of the flag.
 """
 
 from ..parameters.axis import AxisParameters
@@ -11,7 +11,7 @@ from .signals import Edge
 
 
 class FlagEnds:
-    """Where each flag was entered and left, and which end an edge going away belongs to."""
+    """The ends of each flag, and which end an edge going away belongs to."""
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._bounce_distance = parameters.bounce_distance
@@ -20,7 +20,7 @@ class FlagEnds:
         self._ends: dict[tuple[Input, bool], Edge] = {}
 
     def add(self, edge: Edge) -> None:
-        """Take an edge that was passed going toward."""
+        """Record an edge that the axis passed going toward."""
         key = edge.input, edge.rises
         opposite = self._newest.get((edge.input, not edge.rises))
         bounce = opposite and abs(edge.position - opposite.position) <= self._bounce_distance
@@ -29,17 +29,18 @@ class FlagEnds:
         self._newest[key] = edge
 
     def bounces(self, edge: Edge) -> bool:
-        """Tell whether an edge going toward comes no later than a bounce of the opposite one."""
+        """Return whether an edge going toward may be a bounce of the opposite edge before it."""
         opposite = self._newest.get((edge.input, not edge.rises))
         return opposite is not None and (
             edge.position <= opposite.position + self._bounce_distance
         )
 
     def at_entry(self, edge: Edge) -> bool:
-        """Tell whether an edge going away is at the end where the axis came in, not at the other.
+        """Return whether an edge going away is at the end where the axis entered the flag.
 
-        It lies no further toward than that end did going toward (where it had the opposite
-        sense), but for what is unsure of both; with a tolerance, where the flag is wide enough.
+        Going toward, the edge at that end had the opposite sense. The edge going away must lie no
+        further toward than it, within the uncertainty of both and a tolerance, which is at most
+        half of the flag's width.
         """
         end = self._ends.get((edge.input, not edge.rises))
         if end is None:

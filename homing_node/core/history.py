@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an axis remembers of its runs: how many, how they ended, how far its homes spread."""
+"""The runs of an axis since the node started: how they ended, and how far their homes spread."""
 
 from collections import Counter, deque
 from statistics import pstdev
 
 from ..procedures.states import Error
 
-#: Homes that the spread is taken from.
+#: The number of homes from which the spread is computed.
 REMEMBERED = 100
 
 
 class History:
-    """The runs of an axis since the node started.
+    """The runs of an axis that have ended.
 
-    ``runs`` counts those that have ended, ``ended`` by how they did; positions in m or rad.
+    Attributes:
+        runs: their number.
+        ended: their number by error; NoError counts the homed ones.
+        homes: the newest home positions, raw, m or rad.
     """
 
     def __init__(self) -> None:
@@ -22,14 +25,14 @@ class History:
         self.homes: deque[float] = deque(maxlen=REMEMBERED)
 
     def add(self, error: Error, home_position_raw: float) -> None:
-        """Take a run that has ended."""
+        """Record a run that has ended."""
         self.runs += 1
         self.ended[error] += 1
         if error is Error.NoError:
             self.homes.append(home_position_raw)
 
     def forget_homes(self) -> None:
-        """Begin a new spread: the axis homes differently now."""
+        """Forget the home positions, because the axis homes differently now."""
         self.homes.clear()
 
     @property
@@ -38,10 +41,10 @@ class History:
 
     @property
     def range(self) -> float:
-        """Largest minus smallest home position."""
+        """Largest minus smallest home position, m or rad."""
         return max(self.homes) - min(self.homes) if self.homes else 0.0
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the home positions."""
+        """Standard deviation of the home positions, m or rad."""
         return pstdev(self.homes) if self.homes else 0.0

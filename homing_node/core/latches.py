@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Latched positions of the Z-pulse and the touch probe: which one is the reference.
+"""The latched positions of the Z-pulse and the touch probe, and which one is the reference.
 
 Positions are in the *toward* frame, m or rad.
 """
@@ -16,14 +16,14 @@ from ..procedures.states import Error, Input
 from .outcome import Failure
 from .signals import Mark
 
-#: Spacings that the pitch is taken from.
+#: The number of spacings from which the pitch is computed.
 MOST_SPACINGS = 32
 
 EVENTS = {Input.Z_PULSE: Event.Z_PULSE, Input.TOUCH_PROBE: Event.TOUCH_PROBE}
 
 
 class Latches:
-    """What was latched since the axis turned."""
+    """The positions that were latched since the axis turned."""
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
@@ -40,19 +40,19 @@ class Latches:
         positions.add(position)
 
     def forget(self) -> None:
-        """Forget what was latched while the axis still traveled the other way."""
+        """Forget the positions that were latched while the axis still traveled the other way."""
         self._newest = None
         for positions in self._positions.values():
             positions.clear()
 
     @property
     def pitch(self) -> float | None:
-        """The distance between Z-pulses: as the parameters say, else as seen in this run."""
+        """The distance between Z-pulses, m: z_pulse_distance_check, else as seen in this run."""
         expected = self._parameters.z_pulse_distance_check
         return expected or (median(self._spacings) if self._spacings else None)
 
     def margin(self, origin: float, way: Way) -> float | None:
-        """Return the distance from where the Z-pulse was armed to the first one, in pitches."""
+        """Return the distance from where the Z-pulse was armed to the first pulse, in pitches."""
         armed = origin + way * self._parameters.z_pulse_arm_delay
         beyond = [
             (latch - armed) * way
@@ -62,7 +62,7 @@ class Latches:
         return min(beyond) / self.pitch if beyond and self.pitch else None
 
     def margin_failure(self, margin: float) -> Failure | None:
-        """Return what is wrong with a margin, and where the switch should be, None if it is fine.
+        """Return what is wrong with a margin and where to move the switch; None if it is good.
 
         Half a pitch is best. Source: SERCOS S-0-0298, home switch distance.
         """
@@ -82,10 +82,19 @@ class Latches:
     def found(
         self, events: Iterable[Event], origin: float, way: Way, feedback: float
     ) -> tuple[Event, Mark] | Failure | None:
-        """Return the latch that a row waits for: of those beyond an origin, the n-th.
+        """Return the latch that a row waits for: the n-th one beyond an origin.
 
-        ``events`` are the row's latches. One ahead of the feedback has to wait: it may be
-        nonsense. A Failure where Z-pulses are too far apart or do not come.
+        A latched position ahead of the feedback waits, because it may be wrong.
+
+        Args:
+            events: the latches that the row has an arrow for.
+            origin: beyond where a latch counts, m or rad.
+            way: the way of travel.
+            feedback: the newest feedback, m or rad.
+
+        Returns:
+            The event and its place, None if none counts yet, or a Failure if the spacing of the
+            Z-pulses is wrong or no pulse comes.
         """
         p = self._parameters
         for event in events:

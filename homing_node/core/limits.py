@@ -36,7 +36,12 @@ from .signals import Edge, Switch
 
 
 class Action(NamedTuple):
-    """A stop: its deceleration in m/s^2 (None: no further setpoint) and what follows it."""
+    """A stop.
+
+    Attributes:
+        deceleration: m/s^2 or rad/s^2; None: no further setpoint.
+        servo_off: whether the servo is switched off once the axis is at rest.
+    """
 
     deceleration: float | None
     servo_off: bool = False
@@ -45,8 +50,12 @@ class Action(NamedTuple):
 class Limit(NamedTuple):
     """One limit switch as a run sees it.
 
-    ``way`` tells the end it guards, ``role`` what it means (a limit behind is always normal),
-    ``action`` what its LS Type does (None: nothing), ``name`` what to call it in a message.
+    Attributes:
+        input: its input.
+        pair: the pair that it belongs to.
+        way: the end that it guards: TOWARD if it is ahead, AWAY if it is behind.
+        role: what it means; a limit behind is always normal.
+        action: what its LS Type does; None for LS Type None.
     """
 
     input: Input
@@ -62,7 +71,7 @@ class Limit(NamedTuple):
 
     @property
     def blocks_home(self) -> bool:
-        """Whether it ends a motion into it that would go to the home position."""
+        """Whether a motion to the home position must not go into this limit."""
         if self.role is Role.NORMAL:
             return self.action is not None
         return self.role is not Role.IGNORED
@@ -177,7 +186,7 @@ RESPONSES: Mapping[tuple[Way, Situation, Role], Response] = MappingProxyType(
 
 
 class Rise(NamedTuple):
-    """What the axis does at the moment when a limit rises.
+    """A limit's rise: what the axis does at that moment.
 
     Attributes:
         velocity: the command's, toward positive, m/s or rad/s.
@@ -250,7 +259,7 @@ class LimitSwitches:
         return self._limits.get(switch)
 
     def remember(self, edge: Edge) -> None:
-        """Remember where the axis came to a limit, should that be a momentary one."""
+        """Remember where the axis came to a limit, because the limit may be a momentary one."""
         limit = self._limits.get(edge.input)
         if limit and edge.rises and edge.way * limit.way > 0:
             self._rises[edge.input] = edge
@@ -260,26 +269,32 @@ class LimitSwitches:
         self._left[switch] = feedback
 
     def bounces(self, switch: Input, feedback: float) -> bool:
-        """Tell whether a limit that rises has just been left here."""
+        """Return whether a limit that rises fell here a moment ago."""
         left = self._left.get(switch)
         return left is not None and abs(feedback - left) <= self._bounce_distance
 
     def pair_on(self) -> tuple[Input, Input] | None:
-        """Return a pair whose two limits are on together, if there is one."""
+        """Return a pair whose two limits are on together, None if there is none."""
         for pair in LIMIT_PAIRS.values():
             if all(switch in self._limits and self._on(switch) for switch in pair):
                 return pair
         return None
 
     def reversing(self, feedback: float) -> bool:
-        """Tell whether the axis is on a limit that means the reversal, or beyond it."""
+        """Return whether the axis is on a limit that means the reversal, or beyond it."""
         return any(
             limit.role is Role.REVERSAL and self._reached(limit, feedback)
             for limit in self._limits.values()
         )
 
     def blocking(self, way: Way, home: bool, feedback: float) -> Limit | None:
-        """Return the limit that forbids a motion that way; ``home``: to the home position."""
+        """Return the limit that forbids a motion, None if no limit does.
+
+        Args:
+            way: the way of the motion.
+            home: whether it goes to the home position.
+            feedback: the newest feedback, m or rad.
+        """
         for limit in self._limits.values():
             bars = limit.blocks_home if home else limit.role is Role.NORMAL and limit.action
             if limit.way is way and bars and self._reached(limit, feedback):
@@ -290,7 +305,7 @@ class LimitSwitches:
         return self._switches[switch].level is True
 
     def _reached(self, limit: Limit, feedback: float) -> bool:
-        """Tell whether the axis is on a limit, or beyond where it rose (a momentary one)."""
+        """Return whether the axis is on a limit, or beyond where a momentary limit rose."""
         rise = self._rises.get(limit.input)
         return self._on(limit.input) or (
             rise is not None and (feedback - rise.position) * limit.way > 0.0

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walks one axis through one procedure: rows, rules that hold in every row, pause, cancel.
+"""Takes one axis through the table of its home type: arrows, rules of every row, pause, stop.
 
-The machine reads the tables of procedures.py and commands a profile. It knows no time but what it
-is told, and no sign: all positions are in the *toward* frame, m or rad.
+The machine reads a table of procedures/ (whose __init__.py has the theory of operation) and
+commands a profile. All positions are in the *toward* frame, m or rad; times in s are passed in.
 
 Sources: WMX3 manual, "Limit Switches During Homing"; doc/homing.md for what is decided here.
 """
@@ -140,8 +140,8 @@ class Machine:
     # --------------------------------------------------------------------------- what happens
 
     def begin(self) -> None:
-        """Enter the first row; what the start position changes is decided before any motion."""
-        searches = len(self.procedure.events) > 1  # CurrentPos does not, and asks no limit
+        """Enter the first row; its conditions decide what the start position changes."""
+        searches = len(self.procedure.events) > 1  # CurrentPos does not, and needs no limit
         if not (searches and self._both_on()):
             self._enter(self.procedure.first, Mark(self.feedback))
 
@@ -194,17 +194,17 @@ class Machine:
             self.fail(Failure(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
 
     def limit_falls(self, switch: Input) -> None:
-        """Remember where a limit was left, so that its bounce is not taken for a hit."""
+        """Remember where a limit fell, so that its bounce is not taken for a rise."""
         self._limits.left(switch, self.feedback)
 
     def latch(self, source: Input, position: float) -> None:
-        """Take a latched position of the Z-pulse or the touch probe."""
+        """Record a latched position of the Z-pulse or the touch probe."""
         self._movement.latches.add(source, position)
 
     def fail(self, failure: Failure, action: Action | None = None) -> None:
-        """End the run with an error: a stop with ls_dec unless an action says otherwise.
+        """End the run with an error; the axis stops by an action, by default with ``ls_dec``.
 
-        The first error stays; a stronger stop that comes later takes over.
+        The first error stays. A harder stop that comes later takes over.
         """
         if not self.ending.stopping:
             hint = failure.hint and f'; {failure.hint}'
@@ -212,12 +212,12 @@ class Machine:
         self.ending.stop(action or Action(self.parameters.ls_dec))
 
     def warn(self, text: str) -> None:
-        """Note what the user should know of this run, once."""
+        """Add a warning for the user, once."""
         if text not in self.warnings:
             self.warnings.append(text)
 
     def cancel(self) -> None:
-        """Stop with the active profile."""
+        """Stop with the deceleration of the present motion."""
         if not self.ending.stopping:
             self._give_up(Error.Canceled, f'canceled in {self.state}')
             self.ending.stop_gently()
@@ -231,7 +231,10 @@ class Machine:
     # ------------------------------------------------------------------------------- each cycle
 
     def update(self, now: float, feedback: float) -> None:
-        """Test the rules and bounds; called once a cycle, before the profile's update."""
+        """Test the bounds, then follow the arrows of the motion's own events.
+
+        Called once a cycle, before the profile's update.
+        """
         self.now, self.feedback = now, feedback
         if self.finished or self.paused:
             return
@@ -314,7 +317,7 @@ class Machine:
         self.row: Row = self.procedure.rows[step]
 
     def _enter(self, step: Step, cause: Mark) -> None:
-        """Enter a row and, where a condition of it holds, the next; then start the motion."""
+        """Enter a row; go on to the next if one of its conditions holds, else start its motion."""
         self._cause = cause
         self._set_row(step)
         if step is HOME_SHIFT:
@@ -326,7 +329,7 @@ class Machine:
         self._start_motion()
 
     def _start_motion(self, resumed: bool = False) -> None:
-        """Command the present row's motion, or pause before it where it turns the axis."""
+        """Command the present row's motion, or pause before it if it turns the axis."""
         if self.paused:
             return
         movement = self._movement
@@ -344,7 +347,7 @@ class Machine:
     # ------------------------------------------------------------------------------- the switches
 
     def _rise_of(self, limit: Limit) -> Rise:
-        """Return what the axis does now, for the response to a limit's rise."""
+        """Return what the axis does at the moment when a limit rises."""
         motion, cause = self.row.motion, self._cause
         rests = self.paused or motion.kind is Kind.REST
         return Rise(
@@ -360,7 +363,7 @@ class Machine:
         )
 
     def _blocked(self, way: Way) -> bool:
-        """Fail where a motion would go into a limit that is on."""
+        """Fail if a motion would go into a limit that is on; return whether it would."""
         limit = self._limits.blocking(way, self.row.motion.kind is Kind.HOME, self.feedback)
         if limit is None:
             return False
@@ -369,7 +372,7 @@ class Machine:
         return True
 
     def _both_on(self) -> bool:
-        """Fail where both limits of a pair are on."""
+        """Fail if both limits of a pair are on; return whether they are."""
         pair = self._limits.pair_on()
         if pair is None:
             return False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why a run fails, and how it ended."""
+"""The values that say why a run failed and how it ended."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,13 @@ from ..procedures.states import Error
 
 
 class Failure(NamedTuple):
-    """Why a run cannot go on: the error, what was seen, what may be the reason."""
+    """Why a run cannot go on.
+
+    Attributes:
+        error: the error that is reported.
+        seen: what was expected and what was seen.
+        hint: a possible reason, as a question; may be empty.
+    """
 
     error: Error
     seen: str
@@ -15,11 +21,20 @@ class Failure(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """How a run ended (or why a request was refused), and where home is, raw, m.
+    """How a run ended, or why a request was refused.
 
-    ``passes_range`` and ``passes_deviation`` (standard deviation) in m are those of the ``passes``
-    over the reference; ``index_margin`` the distance from the arming edge to the first Z-pulse in
-    pitches, None where it is not known.
+    Attributes:
+        error: NoError if the axis is homed.
+        message: the error in words.
+        home_position_raw: where home is in the feedback's coordinates, m or rad.
+        home_offset: raw position minus homed position, m or rad.
+        uncertainty: how far the home position may be off, m or rad.
+        passes: the number of passes over the reference.
+        passes_range: largest minus smallest position of the passes, m or rad.
+        passes_deviation: their standard deviation, m or rad.
+        index_margin: distance from the edge that armed the Z-pulse to the first pulse, in pitches;
+            None if it is not known.
+        warnings: what the user should know of the run.
     """
 
     error: Error

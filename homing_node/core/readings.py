@@ -120,8 +120,10 @@ class Readings:
 
     # --------------------------------------------------------------------------- known and fresh
 
-    def unready(self, now: float) -> Failure | None:
+    def unready(self, now: float, joint: str) -> Failure | None:
         """Return which input keeps a run from starting, None if all are known and fresh."""
+        if not self.known:
+            return Failure(Error.FeedbackStale, f'no feedback yet for joint {joint!r}')
         old = self._old_feedback(now)
         if old is not None:
             return old

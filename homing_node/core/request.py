@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Homing of several axes: groups in order, the axes of a group together.
+"""Homing of several axes: the groups one after another, the axes of a group together.
 
-One axis that fails, is refused or was canceled stops its group; later groups are not started. A
-request for one axis is a request of one group with one axis. No clock, no ROS:
-:meth:`Request.update` is called after the axes, in each cycle in which a run has ended.
+If one axis fails, is refused or is canceled, its group stops and the later groups do not start. A
+request for one axis has one group with one axis. :meth:`Request.update` is called after the axes,
+in each cycle in which a run has ended.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -14,9 +14,12 @@ from .outcome import Outcome
 
 
 class Request:
-    """One request: which axes, in which groups, and how each of them ended.
+    """One request of a client: its axes in groups, and how each of them ended.
 
-    ``unready`` tells why an axis cannot home now for a reason that the axis does not know.
+    Attributes:
+        groups: the names of the axes, in the order of the groups.
+        owner: who has asked, for messages.
+        outcomes: how the run of each axis ended, by name.
     """
 
     def __init__(
@@ -48,7 +51,7 @@ class Request:
         return self.done and all(outcome.success for outcome in self.outcomes.values())
 
     def waits(self, name: str) -> bool:
-        """Whether the turn of an axis is still to come."""
+        """Return whether an axis still waits for its turn."""
         return any(name in group for group in self._waiting)
 
     def start(self, now: float) -> None:
@@ -56,21 +59,21 @@ class Request:
         self._start_next(now)
 
     def cancel(self, names: Collection[str]) -> None:
-        """Stop those axes that run; those that wait are refused when their turn comes."""
+        """Stop the named axes that run, and refuse the ones that wait when their turn comes."""
         self._canceled.update(names)
         for name in self._running:
             if name in names:
                 self._axes[name].cancel()
 
     def abandon(self, reason: str) -> None:
-        """Take what has not ended for canceled, for a reason."""
+        """Mark every axis that has not ended as canceled, with a reason."""
         for name in self.names:
             self.outcomes.setdefault(name, self._cancellation(name, reason))
         self._waiting.clear()
         self._running = ()
 
     def update(self, now: float) -> bool:
-        """Follow the axes; return whether the whole request has ended."""
+        """Record the runs that have ended; return whether the whole request has ended."""
         ended = [name for name in self._running if not self._axes[name].running]
         for name in ended:
             self.outcomes[name] = self._axes[name].outcome
@@ -104,7 +107,7 @@ class Request:
         return self._unready(name) or self._axes[name].refusal(now)
 
     def _stop_for(self, failed: str) -> None:
-        """Stop what runs and start nothing more, because an axis was not homed."""
+        """Stop the axes that run and start no others, because an axis was not homed."""
         for name in self._running:
             self._axes[name].cancel()
         reason = f'axis {failed} was not homed ({self.outcomes[failed].error})'

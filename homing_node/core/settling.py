@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The end of a run: the feedback settles after the command has come to rest."""
+"""The end of a run: the feedback settles after the command, and the axis rests."""
 
+from typing import NamedTuple
+
+from ..parameters.axis import AxisParameters
+from ..procedures.states import HomeType
 from .signals import Track
 
 #: Longest wait for the feedback to settle, s.
@@ -10,6 +14,31 @@ SETTLE_TIMEOUT = 0.5
 SETTLE_TIME = 0.008
 SETTLE_TRAVEL = 1e-4
 SETTLE_SAMPLES = 3
+
+
+class Rest(NamedTuple):
+    """Where a run left the axis at rest, raw, m or rad."""
+
+    command: float
+    feedback: float
+
+    def holds(self, feedback: float, parameters: AxisParameters, period: float) -> bool:
+        """Return whether the axis still rests there, so that the next run starts at the command.
+
+        If the axis was moved, or did not follow its command, the next run starts at the feedback.
+
+        Args:
+            feedback: the newest feedback, raw, m or rad.
+            parameters: the parameters of the next run.
+            period: the time between two updates, s.
+        """
+        if parameters.home_type is HomeType.CurrentPos:
+            return False
+        moved, behind = abs(feedback - self.feedback), abs(self.command - self.feedback)
+        return (
+            moved <= parameters.homing_velocity_slow * period
+            and behind <= parameters.following_error_limit
+        )
 
 
 class Settling:

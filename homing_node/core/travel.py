@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far and how long a motion may go: turning points, and the rules that hold in every row.
+"""How far and how long a motion may go: turning points, and the bounds of every row.
 
-No sign and no clock: positions are in the *toward* frame, m or rad, times in s are passed in.
+Positions are in the *toward* frame, m or rad; times in s are passed in.
 """
 
 import math
@@ -14,7 +14,7 @@ from ..procedures.states import Error
 from .outcome import Failure
 from .signals import Track
 
-#: What to say of an event that did not come.
+#: The message for an event that did not come.
 NOT_SEEN = {
     Event.HS_RISES: 'the home switch did not rise',
     Event.HS_FALLS: 'the home switch did not fall',
@@ -34,11 +34,16 @@ HINTS = {
 class Leg:
     """One stretch of travel in one way, measured from its turning point.
 
-    ``before`` is the leg that it turned from (None: it began at rest), ``since`` when it was
-    commanded; ``feedback`` and ``command`` are the turning point's. ``gone`` is how far the
-    command has gone from there, ``traveled`` how far the feedback has, ``against`` how far it went
-    the other way: an axis that follows late overruns as far as its command did, which does not
-    count.
+    Attributes:
+        way: the way.
+        before: the leg from which the axis turned; None if it began at rest.
+        since: when this leg was commanded, s.
+        feedback: the feedback at the turning point.
+        command: the command at the turning point.
+        gone: how far the command has gone from there.
+        traveled: how far the feedback has gone from there.
+        against: how far the feedback went the other way. An axis that follows late overruns as far
+            as its command did; that does not count.
     """
 
     __slots__ = (
@@ -70,7 +75,7 @@ class Leg:
         self.gone = self.traveled = self.against = 0.0
 
     def update(self, feedback: float, command: float) -> bool:
-        """Move the turning point; return whether the command still overruns."""
+        """Move the turning point while the axis overruns it; return whether the command does."""
         sign = self._sign
         gone = (command - self.command) * sign
         overruns = gone < 0.0
@@ -85,16 +90,19 @@ class Leg:
         return overruns
 
     def _turn(self, feedback: float, command: float) -> None:
-        """Let the command turn here; `against` counts from what lies further back."""
+        """Set the command's turning point; `against` counts from whichever lies further back."""
         self.command = command
         self._behind = min(feedback * self._sign, command * self._sign)
 
     def way_at(self, time: float, track: Track) -> int | None:
         """Return the sign of the axis's travel at a time that the track covers.
 
-        0 before a leg that began at rest, None while it is not yet known where the axis turned.
-        Messages may be older than several turns: a contact still bounces when its edge has turned
-        the axis.
+        A message may be older than several turns, because a contact still bounces when its edge
+        has already turned the axis.
+
+        Returns:
+            0 before a leg that began at rest, None while the feedback does not yet show where the
+            axis turned.
         """
         if self.before is None:
             return self.way if time >= self.since else Way.NONE
@@ -104,9 +112,11 @@ class Leg:
 
 
 class Rules:
-    """What bounds every motion: its distance, the following error, the way, the run's time.
+    """The bounds of every motion: distance, following error, direction, and the run's time.
 
-    ``distance`` is the present bound in m, ``deadline`` the run's end in s.
+    Attributes:
+        distance: how far the present motion may go, m or rad.
+        deadline: when the run must have ended, s.
     """
 
     def __init__(self, parameters: AxisParameters, now: float) -> None:
@@ -114,7 +124,7 @@ class Rules:
         self.deadline = now + parameters.run_timeout
         self._wrong_direction = parameters.wrong_direction_limit
         self._following_error = parameters.following_error_limit
-        if parameters.homes_on_mechanical_end:  # the command turns from behind the end
+        if parameters.homes_on_mechanical_end:  # the command turns beyond the end
             behind = (
                 parameters.mechanical_end_detection_pos_diff
                 + parameters.homing_velocity_slow * parameters.mechanical_end_detection_time
@@ -126,7 +136,7 @@ class Rules:
         self._name = ''
 
     def enter(self, row: Row) -> None:
-        """Take the bounds of a row."""
+        """Use the bounds of a row."""
         p, self._bound = self._parameters, row.bound
         own: float = getattr(p, row.bound)
         self._name = str(row.bound if own else Bound.SEARCH)
@@ -138,7 +148,7 @@ class Rules:
         self._missed = ' and '.join(NOT_SEEN[event] for event in row.on if event in NOT_SEEN)
 
     def broken(self, leg: Leg, command: float, feedback: float, now: float) -> Failure | None:
-        """Return the rule that the motion breaks, None while it keeps them all."""
+        """Return which bound the motion exceeds, None if it keeps them all."""
         gone, distance = leg.gone, self.distance
         if gone > distance or leg.traveled > distance:
             return Failure(

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can happen to an axis while it homes: the vocabulary of the arrows in the tables.
+"""The events of homing: the labels of the arrows in the tables.
 
-An edge counts for a row only if the axis traveled the row's way at the edge's own time, and an
-edge going away only at that end of the flag where the axis came in (machine.py and flags.py hold
-both rules, once, for every table).
+An edge counts for a row only if the axis traveled the row's way at the edge's own time. An edge
+going away counts only at that end of the flag where the axis came in. Both rules hold for every
+table and stand in core/switch_events.py and core/flags.py.
 """
 
 from .states import TextEnum
 
 
 class Event(TextEnum):
-    """An arrow's label."""
+    """The label of an arrow."""
 
     HS_RISES = 'home switch rises'
     HS_FALLS = 'home switch falls'

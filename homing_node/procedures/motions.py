@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an axis can be told to do in a row of a table: a closed vocabulary.
+"""The motions of homing: a closed vocabulary for the rows of the tables.
 
 Ways are relative to the homing direction: *toward* along it, *away* against it.
 """
@@ -28,7 +28,7 @@ class Kind(TextEnum):
 
 
 class Pace(TextEnum):
-    """Which profile parameters a motion uses; the value is their common prefix."""
+    """The profile parameters that a motion uses; the value is their common prefix."""
 
     FAST = 'homing_velocity_fast'
     SLOW = 'homing_velocity_slow'
@@ -36,7 +36,14 @@ class Pace(TextEnum):
 
 
 class Motion(NamedTuple):
-    """One verb of the tables."""
+    """One motion of the tables.
+
+    Attributes:
+        kind: how it ends.
+        way: which way it goes; NONE if its target decides.
+        pace: its profile parameters.
+        text: its name in the diagrams.
+    """
 
     kind: Kind
     way: Way
@@ -54,7 +61,7 @@ TO_HOME_POSITION = Motion(Kind.HOME, Way.NONE, Pace.SHIFT, 'to the home position
 
 
 class Bound(TextEnum):
-    """What bounds the distance of a search; the value is the parameter's name."""
+    """The bound of a search's distance; the value is the parameter's name."""
 
     SEARCH = 'max_search_distance'
     LS_REVERSE = 'max_ls_reverse_distance'

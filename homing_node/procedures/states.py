@@ -103,7 +103,7 @@ class LSType(TextEnum):
 
 
 class IndexMarginAction(TextEnum):
-    """What to do where the edge that arms the Z-pulse lies too close to a pulse."""
+    """What to do if the edge that arms the Z-pulse lies too close to a pulse."""
 
     none = 'None'
     Warn = 'Warn'
