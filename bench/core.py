@@ -15,11 +15,11 @@ PERIOD = 0.004
 #: An axis that searches for as long as a benchmark likes; its feedback may stand still.
 ENDLESS = {
     'home_type': 'HSHS',
-    'travel': 1e6,
+    'travel': 1e5,
     'homing_velocity_fast': 0.05,
-    'following_error': 1e6,
-    'timeout': 1e9,
-    'feedback_timeout': 1e9,
+    'following_error': 1e5,
+    'timeout': 86400.0,
+    'feedback_timeout': 60.0,
     'max_jerk': 100.0,
 }
 

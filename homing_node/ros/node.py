@@ -223,7 +223,7 @@ class HomingNode(ConfiguredNode):
     # -------------------------------------------------------------------------------- parameters
 
     def in_use(self, axis: str) -> str:
-        """Tell who homes an axis, or will within a sequence."""
+        """Return who homes an axis, or will within a sequence; '' if nobody does."""
         with self._lock:
             refusal = self._dispatch.busy(axis)
         return '' if refusal is None else refusal.message

@@ -190,7 +190,7 @@ class Output:
     level: Bool | None = None  # the last published one; a latch has none
     readers: int = 0
 
-    def tell(self, level: bool) -> bool:
+    def publish(self, level: bool) -> bool:
         """Publish a level if it has changed; return whether it has."""
         changed: bool = self.level.data != level
         if changed:
@@ -199,7 +199,7 @@ class Output:
         return changed
 
     def greet(self) -> None:
-        """Tell the level to readers that came since the last call and do not ask for history."""
+        """Publish the level for readers that came since the last call and ask for no history."""
         readers = self.publisher.get_subscription_count()
         if readers > self.readers:
             self.publisher.publish(self.level)
@@ -352,7 +352,7 @@ class SimulatedAxes:
                 output = self._outputs[name, happening.input]
                 changes.append(Change(happening.time, output, message, happening))
             self._front = axis.time
-            if self._outputs[name, SERVO].tell(axis.enabled) and axis.timed_out:
+            if self._outputs[name, SERVO].publish(axis.enabled) and axis.timed_out:
                 self._logger.warning(
                     f'{name}: no setpoint came after that of {axis.told:.6f}: '
                     'the drive stops by itself, until its servo is switched off and on'
@@ -399,8 +399,8 @@ class SimulatedAxes:
                 throttle_duration_sec=1.0,
             )
             return
-        told = velocities or [None] * len(joints)
-        for joint, position, velocity in zip(joints, positions, told, strict=True):
+        known = velocities or [None] * len(joints)
+        for joint, position, velocity in zip(joints, positions, known, strict=True):
             self._by_joint[joint].follow(position, over, velocity)
 
 
