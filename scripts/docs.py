@@ -3,7 +3,6 @@
 
 from dataclasses import replace
 from io import BytesIO
-from itertools import groupby
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -178,12 +177,13 @@ def index() -> str:
 
 def limits_page() -> str:
     """Return the page that answers the manual's, picture for picture; make its figures."""
-    rows = []
-    for roles, group in groupby(
-        PROCEDURES.values(), lambda p: [p.limits_ahead[t] for t in LimitPair]
-    ):
-        types = ', '.join(f'`{procedure.home_type}`' for procedure in group)
-        rows.append(f'| {types} | {" | ".join(roles)} | normal |')
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for home_type, procedure in PROCEDURES.items():
+        roles = tuple(procedure.limits_ahead[pair] for pair in LimitPair)
+        groups.setdefault(roles, []).append(f'`{home_type}`')
+    rows = [
+        f'| {", ".join(types)} | {" | ".join(roles)} | normal |' for roles, types in groups.items()
+    ]
     example = EXAMPLES[HomeType.HSHS]
     course = example.rehearse(BEYOND)
     bound = 0.03

@@ -17,10 +17,17 @@ from homing_node.procedures.tables import PROCEDURES
 from homing_node.rehearsal.run import DIRECT, Rehearsal, Transport
 
 TYPES = tuple(HomeType)
-REVERSING = TYPES[:8]
-HS_OFF_TYPES = TYPES[5:8]
-LIMIT_TYPES = TYPES[8:14]
-END_TYPES = TYPES[17:]
+HS_OFF_TYPES = (*TYPES[5:8], HomeType.HSOffReverse)
+HS_ON_TYPES = (*TYPES[:5], HomeType.HSReverse)
+REVERSING = (*HS_ON_TYPES, *HS_OFF_TYPES)
+LIMIT_TYPES = (*TYPES[8:14], *TYPES[23:29])
+HARDWARE_LIMIT_TYPES = tuple(t for t in LIMIT_TYPES if t.startswith('LS'))
+NEAR_LIMIT_TYPES = tuple(t for t in LIMIT_TYPES if t.startswith('Near'))
+EXTERNAL_LIMIT_TYPES = tuple(t for t in LIMIT_TYPES if t.startswith('External'))
+INDEX_TYPES = tuple(t for t in TYPES if t.endswith('ZPulse'))
+#: Those that home on an edge where a switch falls, going away.
+RELEASE_TYPES = (HomeType.HSReverse, *TYPES[23:26])
+END_TYPES = TYPES[17:21]
 DIRECTIONS = (1, -1)
 
 TRAVEL = 0.1
@@ -171,6 +178,14 @@ TRUE_HOME: Mapping[HomeType, float] = {
     HomeType.MechanicalEndDetectionHS: 0.070,
     HomeType.MechanicalEndDetectionLS: 0.090,
     HomeType.MechanicalEndDetectionReverseZPulse: 0.0933,
+    HomeType.HSReverse: 0.060,
+    HomeType.HSOffReverse: 0.066,
+    HomeType.LSOff: 0.090,
+    HomeType.NearLSOff: 0.080,
+    HomeType.ExternalLSOff: 0.085,
+    HomeType.LSLS: 0.090,
+    HomeType.NearLSNearLS: 0.080,
+    HomeType.ExternalLSExternalLS: 0.085,
 }
 
 

@@ -19,6 +19,7 @@ ROOMS = [
     'plant',
     'rehearsal',
     'check',
+    'convert',
     'diagnosis',
     'figures',
     'ros',
@@ -46,7 +47,7 @@ ROS_ROOMS = ['ros', 'client']
 #: Verbs of the command that need ROS: they import it when they run, so that the others do not.
 ROS_VERBS = {'cli/doctor.py'}
 #: What the node never needs.
-TOOLS = {'rehearsal', 'figures', 'cli', 'client', 'course'}
+TOOLS = {'rehearsal', 'convert', 'figures', 'cli', 'client', 'course'}
 ROS = {
     'rclpy',
     'builtin_interfaces',

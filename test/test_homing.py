@@ -11,8 +11,11 @@ from core_rig import (
     END_TYPES,
     EXTERNAL_AHEAD,
     EXTERNAL_BEHIND,
+    HARDWARE_LIMIT_TYPES,
     HS,
     HS_OFF_TYPES,
+    HS_ON_TYPES,
+    INDEX_TYPES,
     LIMIT_AHEAD,
     LIMIT_BEHIND,
     LIMIT_TYPES,
@@ -20,6 +23,7 @@ from core_rig import (
     NEAR_BEHIND,
     OFFSET,
     PITCH,
+    RELEASE_TYPES,
     REVERSING,
     TRUE_HOME,
     TYPES,
@@ -39,6 +43,7 @@ from core_rig import (
 
 from homing_node.core.machine import Machine
 from homing_node.plant.layout import SwitchLayout
+from homing_node.procedures.events import Event
 from homing_node.procedures.states import Error, HomeType, Input
 from homing_node.procedures.tables import PROCEDURES
 from homing_node.rehearsal.run import Transport
@@ -50,12 +55,18 @@ REPEATING_TYPES = pytest.mark.parametrize(
     'home_type', [t for t in TRUE_HOME if t not in ('ZPulse', 'TouchProbe')], ids=str
 )
 REVERSING_TYPES = pytest.mark.parametrize('home_type', REVERSING, ids=str)
-ON_SWITCH_TYPES = pytest.mark.parametrize('home_type', REVERSING[:5], ids=str)
+ON_SWITCH_TYPES = pytest.mark.parametrize('home_type', HS_ON_TYPES, ids=str)
 OFF_SWITCH_TYPES = pytest.mark.parametrize('home_type', HS_OFF_TYPES, ids=str)
+NOT_HARDWARE_LIMIT_TYPES = [t for t in LIMIT_TYPES if t not in HARDWARE_LIMIT_TYPES]
 ON_LIMIT_TYPES = pytest.mark.parametrize('home_type', LIMIT_TYPES, ids=str)
 
 REVERSAL = 'HSFallingEdgeSearchReverse'
 AT_START = 'HSClearReverse'
+
+
+def reversed_in(course):
+    """Return whether a limit ahead turned the axis in a run."""
+    return any(event is Event.LIMIT_AHEAD for _, event in course.arrows)
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -94,7 +105,7 @@ def test_home_switch_types_from_anywhere(home_type, direction, start):
     assert_homed(course, TRUE_HOME[home_type], direction)
     on_hs, beyond = 0.06 <= start <= 0.066, start > 0.066
     clears = on_hs and home_type not in HS_OFF_TYPES
-    assert (REVERSAL in path(course)) == beyond
+    assert reversed_in(course) == beyond
     if clears:
         assert path(course)[0] == AT_START
     if start >= 0.09:
@@ -119,7 +130,7 @@ def test_what_follows_a_home_switch_that_is_on_at_start(direction):
         (home_type, start)
         for home_type in LIMIT_TYPES
         for start in (0.0021, 0.0799, 0.08, 0.085, 0.0851, 0.0899, 0.09, 0.095)
-        if start < 0.09 or home_type in LIMIT_TYPES[:2]
+        if start < 0.09 or home_type in HARDWARE_LIMIT_TYPES
     ],
 )  # else beyond a normal limit
 def test_limit_types_from_anywhere(home_type, direction, start):
@@ -182,7 +193,7 @@ def test_a_flag_that_the_axis_overruns(home_type, direction, width, start):
 @pytest.mark.parametrize('start', [0.05, 0.0605, 0.075])
 def test_a_narrow_flag_of_which_the_far_edge_counts(home_type, direction, start):
     one = rig(home_type).switched(**{HS: SwitchLayout(0.06, 0.062)})
-    home = {'HSOff': 0.062, 'HSOffZPulse': 0.0633, 'HSOffReverseZPulse': 0.0533}[home_type]
+    home = {'HSOffZPulse': 0.0633, 'HSOffReverseZPulse': 0.0533}.get(home_type, 0.062)
     assert_homed(one.home(direction, start), home, direction)
 
 
@@ -239,6 +250,7 @@ def test_a_bounce_at_the_far_end_of_a_flag_that_is_overrun(home_type, direction,
     )
     home = {
         'HSOff': far,
+        'HSOffReverse': far,
         'HSOffZPulse': OFFSET + math.ceil((far - OFFSET) / PITCH) * PITCH,
         'HSOffReverseZPulse': OFFSET + math.floor((far - OFFSET) / PITCH) * PITCH,
     }
@@ -530,6 +542,18 @@ def test_a_home_switch_that_is_on_again_before_the_second_pass(direction):
 
 
 @BOTH_WAYS
+@pytest.mark.parametrize('home_type', LIMIT_TYPES[9:], ids=str)
+def test_a_target_limit_that_is_on_again_before_the_second_pass(home_type, direction):
+    """The overrun of the clearing meets another flag."""
+    one = rig(home_type)
+    name, at = target_of(one)
+    low, high = sorted((direction * (at - 0.0040), direction * (at - 0.0025)))
+    made = with_another_flag(one.rehearsal(direction), on_side(name, direction), low, high)
+    course = made.home()
+    assert any(event is Event.LS_ON for _, event in course.arrows)
+
+
+@BOTH_WAYS
 @ON_LIMIT_TYPES
 def test_a_target_limit_that_bounces_while_it_is_cleared(home_type, direction):
     one = rig(home_type)
@@ -644,7 +668,7 @@ def test_a_motion_into_a_limit_that_is_on_is_not_started(home_type, direction):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('home_type', LIMIT_TYPES[2:], ids=str)
+@pytest.mark.parametrize('home_type', NOT_HARDWARE_LIMIT_TYPES, ids=str)
 def test_the_hardware_limit_ends_near_and_external_types(home_type, direction):
     one = rig(home_type)
     course = one.switched(**{target_of(one)[0]: SwitchLayout(0.2, 1.0)}).home(direction)
@@ -942,7 +966,7 @@ def test_hysteresis(home_type, direction, hysteresis):
     home = TRUE_HOME[home_type]
     if home_type is HomeType.HSOff:
         home += hysteresis
-    if home_type in ('MechanicalEndDetectionHS', 'MechanicalEndDetectionLS'):
+    if home_type in ('MechanicalEndDetectionHS', 'MechanicalEndDetectionLS', *RELEASE_TYPES):
         home -= hysteresis
     assert_homed(one.switched(**flags).home(direction), home, direction)
 
@@ -1026,7 +1050,7 @@ def test_a_debounce_costs_no_accuracy(home_type, direction):
     course = one.home(direction)
     home = TRUE_HOME[home_type]
     if home_type in HS_OFF_TYPES:
-        home = {'HSOff': 0.074, 'HSOffZPulse': 0.0833, 'HSOffReverseZPulse': 0.0733}[home_type]
+        home = {'HSOffZPulse': 0.0833, 'HSOffReverseZPulse': 0.0733}.get(home_type, 0.074)
     assert_homed(course, home, direction)
     assert course.outcome.uncertainty <= 0.2 * 0.001 + 1e-9
 
@@ -1143,7 +1167,7 @@ def test_every_search_is_bounded(home_type, direction):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('home_type', [t for t in TRUE_HOME if 'Reverse' in t], ids=str)
+@pytest.mark.parametrize('home_type', [t for t in INDEX_TYPES if 'Reverse' in t], ids=str)
 def test_the_reverse_search_is_bounded(home_type, direction):
     one = rig(home_type, max_search_distance=0.06, travel=0.5).built(
         index_pitch=0.0, hard_stops=(-9.0, END if 'Detection' in home_type else 9.0)
@@ -1268,14 +1292,30 @@ def test_pause_mode(home_type, direction, start):
 # -- repeated passes ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('home_type', ['HSHS', 'HSTouchProbe'])
+#: The home types with a slow pass, and the state and phase in which it is made.
+SLOW_PASSES = {
+    'HSHS': ('SecondHSSearch', ''),
+    'HSTouchProbe': ('TouchProbeSearch', ''),
+    'HSReverse': ('HSFallingEdgeSearchReverse', 'slow'),
+    'HSOffReverse': ('SecondHSSearch', 'reverse'),
+    **dict.fromkeys(RELEASE_TYPES[1:], ('LSFallingEdgeSearchReverse', 'slow')),
+    **dict.fromkeys(LIMIT_TYPES[9:], ('LSSearch', 'second')),
+}
+
+
+def test_every_type_with_a_slow_pass_can_repeat_it():
+    repeating = {t for t, one in PROCEDURES.items() if Event.REPEAT in one.events}
+    assert repeating == set(SLOW_PASSES)
+
+
+@pytest.mark.parametrize('home_type', SLOW_PASSES)
 @pytest.mark.parametrize('repeat', [1, 2, 5])
 def test_passes_are_repeated_from_the_same_side(home_type, repeat):
     one = rig(home_type, repeat=repeat)
     course = one.home(start=0.055)
-    assert home_of(course) == pytest.approx(TRUE_HOME[home_type], abs=1e-6)
-    search = {'HSHS': 'SecondHSSearch', 'HSTouchProbe': 'TouchProbeSearch'}[home_type]
-    assert course.states.count(search) == repeat
+    assert home_of(course) == pytest.approx(TRUE_HOME[HomeType(home_type)], abs=1e-6)
+    taken = [step for step, event in course.arrows if event is not Event.DONE]
+    assert taken.count(SLOW_PASSES[home_type]) == repeat
     assert course.outcome.passes == repeat
     assert course.outcome.passes_range <= 1e-6
 

@@ -12,12 +12,15 @@ from core_rig import (
     AHEAD,
     END,
     EXTERNAL_AHEAD,
+    HARDWARE_LIMIT_TYPES,
     HS,
     HS_OFF_TYPES,
+    INDEX_TYPES,
     LIMIT_AHEAD,
     LIMIT_BEHIND,
     LIMIT_TYPES,
     NEAR_AHEAD,
+    RELEASE_TYPES,
     TYPES,
     Rig,
     error_of,
@@ -130,7 +133,7 @@ def scenarios(draw, home_type):
         flags[HS] = SwitchLayout(low, 1.0 if ends else low + width, hysteresis)
     for name in (LIMIT_AHEAD, NEAR_AHEAD, EXTERNAL_AHEAD):
         if name in one.layout.switches:
-            hardware = name == LIMIT_AHEAD and home_type not in LIMIT_TYPES[:2]
+            hardware = name == LIMIT_AHEAD and home_type not in HARDWARE_LIMIT_TYPES
             at = 0.2 if hardware and home_type in LIMIT_TYPES else limit
             flags[name] = SwitchLayout(at, 1.0, hysteresis)
     flags[LIMIT_BEHIND] = SwitchLayout(-1.0, -0.01)
@@ -178,7 +181,13 @@ def true_homes(scenario):
         return [hs.on_from]
     if kind == 'HSOff':
         return [hs.on_to + hs.hysteresis]
-    if kind in LIMIT_TYPES[::2]:
+    if kind == 'HSReverse':
+        return [hs.on_from - hs.hysteresis]
+    if kind == 'HSOffReverse':
+        return [hs.on_to]
+    if kind in RELEASE_TYPES:
+        return [edge - flags[limit].hysteresis]
+    if kind in LIMIT_TYPES and kind not in INDEX_TYPES:
         return [edge]
     if kind in ('HSTouchProbe', 'TouchProbe'):
         return [layout.touch_probe]

@@ -177,12 +177,12 @@ RISES = [
     Rise(velocity, heading, *flags)
     for velocity in (-0.1, 0.0, 0.1)
     for heading in Way
-    for flags in product((False, True), repeat=7)
+    for flags in product((False, True), repeat=8)
 ]
 
 
 def response_by_the_rules(limit, rise):
-    """Return what the sentences of sections 5 and 6 say, one after another."""
+    """Return what the sentences of sections 5 and 6 and the types that home on a fall say."""
     normal, ahead = limit.role is Role.NORMAL, limit.way is Way.TOWARD
     moves_into = rise.velocity * limit.way > 0.0
     acts = moves_into or (normal and rise.velocity != 0.0 and rise.all_ls)
@@ -198,6 +198,8 @@ def response_by_the_rules(limit, rise):
         brakes = limit.action and not rise.turned_by_it
         return Response.BRAKE_HARDER if brakes else Response.IGNORE
     if not acts and rise.heading is not limit.way:
+        return Response.IGNORE
+    if ahead and rise.to_home and limit.role is Role.REFERENCE and rise.at_its_edge:
         return Response.IGNORE
     if ahead and rise.to_home and not normal:
         return Response.FAIL_ALWAYS

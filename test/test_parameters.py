@@ -79,6 +79,7 @@ DEFAULTS = {
     'immediate_stop_at_ls': False,
     'open_loop_homing': False,
     'pause_mode': False,
+    'limit_reversal': True,
     'ls_type': 'Dec',
     'positive_ls_type': 'None',
     'negative_ls_type': 'None',
@@ -273,7 +274,7 @@ def test_a_misspelt_word_is_refused_with_what_may_be_meant(name, value, meant):
     assert found.endswith(f'did you mean {meant!r}?')
 
 
-@pytest.mark.parametrize('value', [None, 3, True, ''])
+@pytest.mark.parametrize('value', [None, 3.5, True, ''])
 def test_a_word_is_a_string(value):
     assert fault(home_type=value).startswith(f'home_type: {value!r} is none of HS, HSZPulse')
 
@@ -347,7 +348,8 @@ CROSS = [
     (
         {'repeat': 2},
         'repeat: 2 must be 1 for HS, which has no slow pass over a switch or probe '
-        '(HSHS and HSTouchProbe do)',
+        '(HSHS, HSTouchProbe, HSReverse, HSOffReverse, LSOff, NearLSOff, ExternalLSOff, LSLS, '
+        'NearLSNearLS, ExternalLSExternalLS do)',
     ),
     (
         {'home_type': 'LS', 'home_shift_distance': 0.01},

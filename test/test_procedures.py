@@ -4,7 +4,18 @@
 import re
 
 import pytest
-from core_rig import HS_OFF_TYPES, LIMIT_TYPES, REVERSING, TRUE_HOME, TYPES, path, rig
+from core_rig import (
+    EXTERNAL_LIMIT_TYPES,
+    HARDWARE_LIMIT_TYPES,
+    HS_OFF_TYPES,
+    LIMIT_TYPES,
+    NEAR_LIMIT_TYPES,
+    REVERSING,
+    TRUE_HOME,
+    TYPES,
+    path,
+    rig,
+)
 
 from homing_node.procedures.events import CONDITIONS, Event
 from homing_node.procedures.fragments import (
@@ -39,10 +50,10 @@ def reached_from(step, rows):
     return found
 
 
-def test_all_21_types_have_a_table():
+def test_all_29_types_have_a_table():
     assert list(PROCEDURES) != []
     assert set(PROCEDURES) == set(HomeType)
-    assert len(PROCEDURES) == 21
+    assert len(PROCEDURES) == 29
 
 
 @EVERY_ROW
@@ -108,11 +119,9 @@ NORMAL, IGNORED, REFERENCE = Role.NORMAL, Role.IGNORED, Role.REFERENCE
 #: What the hardware, the near and the external limit ahead mean.
 ROLES = {
     **dict.fromkeys(REVERSING, (Role.REVERSAL, Role.REVERSAL, Role.REVERSAL)),
-    **dict.fromkeys((HomeType.LS, HomeType.LSReverseZPulse), (REFERENCE, IGNORED, IGNORED)),
-    **dict.fromkeys((HomeType.NearLS, HomeType.NearLSReverseZPulse), (NORMAL, REFERENCE, IGNORED)),
-    **dict.fromkeys(
-        (HomeType.ExternalLS, HomeType.ExternalLSReverseZPulse), (NORMAL, IGNORED, REFERENCE)
-    ),
+    **dict.fromkeys(HARDWARE_LIMIT_TYPES, (REFERENCE, IGNORED, IGNORED)),
+    **dict.fromkeys(NEAR_LIMIT_TYPES, (NORMAL, REFERENCE, IGNORED)),
+    **dict.fromkeys(EXTERNAL_LIMIT_TYPES, (NORMAL, IGNORED, REFERENCE)),
 }
 
 
@@ -155,10 +164,12 @@ def test_the_words_number_the_steps_and_name_every_state_of_the_table(home_type)
     assert numbers == [f'{i}. ' for i in range(1, len(numbers) + 1)]
     assert numbers
     assert procedure.home
-    reversal = {State.HSFallingEdgeSearchReverse} if home_type in REVERSING else set()
+    turns = home_type in REVERSING
+    own = home_type is HomeType.HSReverse
+    reversal = {State.HSFallingEdgeSearchReverse} if turns and not own else set()
     named = {state for state in State if f'{state}' in re.split(r'\W+', procedure.words)}
     assert named - {State.Idle} == {step.state for step in procedure.rows} - reversal
-    assert ('the reversal' in ' '.join(procedure.words.split())) == bool(reversal)
+    assert ('the reversal' in ' '.join(procedure.words.split())) == turns
 
 
 def test_shared_fragments():
@@ -185,8 +196,12 @@ PATHS = {
     HomeType.HSOff: 'HSOffSearch',
     HomeType.HSOffZPulse: 'HSOffAndZPulseSearch',
     HomeType.HSOffReverseZPulse: 'HSOffSearch ZPulseSearchReverse',
-    **dict.fromkeys(LIMIT_TYPES[::2], 'LSSearch'),
-    **dict.fromkeys(LIMIT_TYPES[1::2], 'LSSearch ZPulseSearchReverse'),
+    HomeType.HSReverse: 'HSSearch HSFallingEdgeSearchReverse',
+    HomeType.HSOffReverse: 'HSOffSearch SecondHSSearch',
+    **dict.fromkeys(LIMIT_TYPES[:6:2], 'LSSearch'),
+    **dict.fromkeys(LIMIT_TYPES[1:6:2], 'LSSearch ZPulseSearchReverse'),
+    **dict.fromkeys(LIMIT_TYPES[6:9], 'LSSearch LSFallingEdgeSearchReverse'),
+    **dict.fromkeys(LIMIT_TYPES[9:], 'LSSearch LSFallingEdgeSearchReverse LSSearch'),
     HomeType.ZPulse: 'ZPulseSearch',
     HomeType.TouchProbe: 'TouchProbeSearch',
     HomeType.MechanicalEndDetection: 'MechanicalEndDetection',
@@ -203,6 +218,8 @@ INPUTS = {
     HomeType.HSOff: {'home_switch'},
     HomeType.HSOffZPulse: {'home_switch', 'z_pulse'},
     HomeType.HSOffReverseZPulse: {'home_switch', 'z_pulse'},
+    HomeType.HSReverse: {'home_switch'},
+    HomeType.HSOffReverse: {'home_switch'},
     HomeType.LSReverseZPulse: {'z_pulse'},
     HomeType.NearLSReverseZPulse: {'z_pulse'},
     HomeType.ExternalLSReverseZPulse: {'z_pulse'},
@@ -212,9 +229,9 @@ INPUTS = {
     HomeType.MechanicalEndDetectionReverseZPulse: {'z_pulse'},
 }
 TARGETS = {
-    **dict.fromkeys((HomeType.LS, HomeType.LSReverseZPulse), HARDWARE),
-    **dict.fromkeys((HomeType.NearLS, HomeType.NearLSReverseZPulse), NEAR),
-    **dict.fromkeys((HomeType.ExternalLS, HomeType.ExternalLSReverseZPulse), EXTERNAL),
+    **dict.fromkeys(HARDWARE_LIMIT_TYPES, HARDWARE),
+    **dict.fromkeys(NEAR_LIMIT_TYPES, NEAR),
+    **dict.fromkeys(EXTERNAL_LIMIT_TYPES, EXTERNAL),
     HomeType.MechanicalEndDetectionLS: HARDWARE,
 }
 
@@ -248,12 +265,16 @@ SLOW_SEARCHES = {
 }
 
 
+#: A row of a fast search's state that is slow.
+SLOW_PHASES = {'armed', 'slow', 'second'}
+
+
 @EVERY_ROW
 def test_which_searches_are_slow(procedure, step, row):
     if row.motion.kind is not Kind.SEARCH:
         return
     after_the_end = State.MechanicalEndDetection in {s.state for s in procedure.rows}
-    if step.state in SLOW_SEARCHES or step.phase == 'armed' or after_the_end:
+    if step.state in SLOW_SEARCHES or step.phase in SLOW_PHASES or after_the_end:
         assert row.motion.pace is Pace.SLOW
     else:
         assert step.state in FAST_SEARCHES | {State.HSAndZPulseSearch, State.HSOffAndZPulseSearch}

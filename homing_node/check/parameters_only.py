@@ -186,7 +186,7 @@ class ParametersOnly(AxisCheck):
     def bounds(self) -> Iterator[Finding]:
         """Find bounds that no run can keep."""
         p = self.p
-        reverses = Role.REVERSAL in p.procedure.limits_ahead.values()
+        reverses = Role.REVERSAL in p.limits_ahead.values()
         velocity, acceleration, deceleration = p.pace(Pace.FAST)
         overrun = (
             0.0

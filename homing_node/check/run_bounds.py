@@ -36,7 +36,7 @@ class RunBounds(AxisWithLayout):
         """Check the way from a limit switch back over the home switch."""
         p, at = self.p, self.at
         home, ahead = at.flags.get(Input.HOME_SWITCH), self.first_limits(Way.TOWARD)
-        if Role.REVERSAL not in p.procedure.limits_ahead.values() or not home or not ahead:
+        if Role.REVERSAL not in p.limits_ahead.values() or not home or not ahead:
             return
         name, bound = self._bound(Bound.LS_REVERSE)
         velocity, acceleration, deceleration = p.pace(Pace.FAST)
@@ -152,7 +152,7 @@ class RunBounds(AxisWithLayout):
         """Check the timeout against runs from the far end and from beyond the home switch."""
         timeout, home = self.p.timeout, self.at.flags.get(Input.HOME_SWITCH)
         starts = {'the far end': begin}
-        if home and Role.REVERSAL in self.p.procedure.limits_ahead.values():
+        if home and Role.REVERSAL in self.p.limits_ahead.values():
             starts['beyond the home switch'] = home.leaves(Way.TOWARD)
         where, least = max(
             ((name, self.least_time(start)) for name, start in starts.items()),

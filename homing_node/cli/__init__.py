@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from importlib import metadata
 
 from ..plant import layout_file
-from . import check, diagram, doctor, plot, run
+from . import check, convert, diagram, doctor, explain, plot, run, types
 from .common import INTERRUPTED, OK, USAGE, Failure
 
 STATUS = """\
@@ -31,11 +31,23 @@ Checks, rehearses and draws the homing of machine axes. Nothing moves; only `doc
   homing doctor                                    look at the running system, reading only
   homing plot run.npz                              draw a run
   homing diagram HSHS                              draw what a home type does
+  homing types                                     list the home types and their CiA 402 numbers
+  homing explain 23                                tell what a home type, or a number, does
+  homing convert machine.ini                       read another controller's configuration
 
 `homing COMMAND --help` teaches each of them.
 """
 
-COMMANDS = {'check': check, 'run': run, 'doctor': doctor, 'plot': plot, 'diagram': diagram}
+COMMANDS = {
+    'check': check,
+    'run': run,
+    'doctor': doctor,
+    'plot': plot,
+    'diagram': diagram,
+    'types': types,
+    'explain': explain,
+    'convert': convert,
+}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -93,7 +93,7 @@ def ls_action(ls_type: LSType, parameters: AxisParameters) -> Action | None:
 def limits_of(parameters: AxisParameters) -> dict[Input, Limit]:
     """Return the limit switches that are wired and enabled, by input."""
     wired = [i for i in parameters.inputs if i not in LATCHES]
-    ahead = parameters.procedure.limits_ahead
+    ahead = parameters.limits_ahead
     ignore = parameters.mechanical_end_detection_ignore_ls
     limits = {}
     for pair in LimitPair:
@@ -119,6 +119,7 @@ class Situation(TextEnum):
     BRAKING_INTO = 'it moves into the limit, but brakes: to turn, to pause, or after the reference'
     INTO = 'it moves into the limit, or is about to'
     HOME_INTO = 'it moves to the home position, into the limit'
+    HOME_AT_ITS_EDGE = 'it moves to the home position, which is where this limit has fallen'
     JUST_LEFT = 'it moves away from the limit, which fell here a moment ago'
     AWAY = 'it moves away from the limit'
     AT_REST = 'it rests, or comes to rest away from the limit'
@@ -156,6 +157,7 @@ AHEAD: Mapping[Situation, tuple[Response, Response, Response]] = MappingProxyTyp
     Situation.BRAKING_INTO:   (_HARDER,  _HARDER,   _HARDER),
     Situation.INTO:           (_FAIL,    _FAIL,     _FAIL),
     Situation.HOME_INTO:      (_ALWAYS,  _ALWAYS,   _FAIL),
+    Situation.HOME_AT_ITS_EDGE: (_ALWAYS, _IGNORE,  _FAIL),
     Situation.AWAY:           (_IGNORE,  _IGNORE,   _IGNORE),
     Situation.AT_REST:        (_IGNORE,  _IGNORE,   _IGNORE),
 })
@@ -194,6 +196,7 @@ class Rise(NamedTuple):
         stopping: the run has ended, and the axis stops.
         braking: the axis brakes to turn, to pause, or because the reference was taken.
         to_home: the present motion goes to the home position.
+        at_its_edge: the axis has all but reached the home position, where this limit fell.
         awaited: the present row has an arrow for this limit.
         turned_by_it: an edge of this limit led into the present row.
         just_left: the limit fell here a moment ago, so that its rise is a bounce.
@@ -205,6 +208,7 @@ class Rise(NamedTuple):
     stopping: bool = False
     braking: bool = False
     to_home: bool = False
+    at_its_edge: bool = False
     awaited: bool = False
     turned_by_it: bool = False
     just_left: bool = False
@@ -227,8 +231,9 @@ def situation_of(limit: Limit, rise: Rise) -> Situation:
     elif into and rise.braking:
         return Situation.TURNING_FOR_IT if rise.turned_by_it else Situation.BRAKING_INTO
     if into or rise.heading is limit.way or (away and acts_both_ways):
-        ahead = limit.way is Way.TOWARD
-        return Situation.HOME_INTO if ahead and rise.to_home else Situation.INTO
+        if limit.way is Way.AWAY or not rise.to_home:
+            return Situation.INTO
+        return Situation.HOME_AT_ITS_EDGE if rise.at_its_edge else Situation.HOME_INTO
     return Situation.AWAY if away else Situation.AT_REST
 
 

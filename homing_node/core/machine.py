@@ -193,6 +193,16 @@ class Machine:
             again = ' for the second time in this run' if second else ''
             self.fail(Failure(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
 
+    def _at_edge_of(self, limit: Limit) -> bool:
+        """Return whether the axis is where a limit fell, and that is the home position."""
+        edge = self.passes.fine[-1] if self.passes.fine else None
+        return (
+            isinstance(edge, Edge)
+            and edge.input is limit.input
+            and not edge.rises
+            and self.feedback >= edge.position - self.parameters.edge_agreement
+        )
+
     def limit_falls(self, switch: Input) -> None:
         """Remember where a limit fell, so that its bounce is not taken for a rise."""
         self._limits.left(switch, self.feedback)
@@ -293,7 +303,7 @@ class Machine:
                 self.fail(failure)
                 return
             self.reference = self.passes.mean
-        elif event is Event.HS_RISES and step is not HOME_SHIFT:
+        elif event in (Event.HS_RISES, Event.LS_RISES) and step is not HOME_SHIFT:
             self.passes.coarse = cause
         self._enter(step, cause)
 
@@ -356,6 +366,7 @@ class Machine:
             stopping=self.ending.stopping,
             braking=rests or motion.way is Way.AWAY,
             to_home=motion.kind is Kind.HOME,
+            at_its_edge=self._at_edge_of(limit),
             awaited=self._switches.awaits(self.row, limit, self._reversed),
             turned_by_it=isinstance(cause, Edge) and cause.input is limit.input,
             just_left=self._limits.bounces(limit.input, self.feedback),

@@ -51,16 +51,18 @@ class Passes:
     def disagreement(self) -> Failure | None:
         """Return why the passes are no home: they disagree with each other or the coarse one.
 
-        A coarse pass is compared only with an edge: a pulse or a probe lies elsewhere.
+        A coarse pass is compared only with the same edge: a pulse, a probe or the edge of the
+        other sense lies elsewhere.
         """
         p = self._parameters
-        if self.coarse is not None and self.fine and isinstance(self.fine[0], Edge):
-            apart = abs(self.fine[0].position - self.coarse.position)
+        coarse, first = self.coarse, self.fine[0] if self.fine else None
+        if isinstance(coarse, Edge) and isinstance(first, Edge) and first.rises == coarse.rises:
+            apart = abs(first.position - coarse.position)
             if apart > p.edge_agreement:
                 return Failure(
                     Error.EdgeNotRepeated,
-                    f'the second pass found the home switch {apart:.6g} m from the first, more '
-                    f'than {p.edge_agreement:.6g} m (edge_tolerance)',
+                    f'the second pass found the {first.input.text} {apart:.6g} m from the '
+                    f'first, more than {p.edge_agreement:.6g} m (edge_tolerance)',
                     'noise on the switch, or late messages?',
                 )
         if self.range > p.repeat_agreement:

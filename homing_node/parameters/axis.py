@@ -8,7 +8,9 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import sqrt
+from typing import Any
 
+from ..procedures import cia402
 from ..procedures.events import Event
 from ..procedures.motions import Kind, Pace, Way
 from ..procedures.procedure import Procedure
@@ -42,6 +44,16 @@ class AxisParameters(AxisFields):
     @property
     def procedure(self) -> Procedure:
         return PROCEDURES[self.home_type]
+
+    @property
+    def limits_ahead(self) -> Mapping[LimitPair, Role]:
+        """What a limit switch ahead of each pair means."""
+        roles = self.procedure.limits_ahead
+        if self.limit_reversal:
+            return roles
+        return {
+            pair: Role.NORMAL if role is Role.REVERSAL else role for pair, role in roles.items()
+        }
 
     @property
     def homes_on_mechanical_end(self) -> bool:
@@ -173,9 +185,10 @@ class AxisParameters(AxisFields):
             )
         procedure = self.procedure
         if self.repeat > 1 and Event.REPEAT not in procedure.events:
+            able = ', '.join(t for t, one in PROCEDURES.items() if Event.REPEAT in one.events)
             faults.append(
                 f'repeat: {self.repeat} must be 1 for {self.home_type}, which has no '
-                'slow pass over a switch or probe (HSHS and HSTouchProbe do)'
+                f'slow pass over a switch or probe ({able} do)'
             )
         end = (
             'limit switch'
@@ -282,6 +295,8 @@ def axis_parameters(values: Mapping[str, object], axis: str = '') -> AxisParamet
     prefix = f'{axis}.' if axis else ''
     unit = Unit.rad if values.get('unit') == Unit.rad else Unit.m
     good, faults = read(values, _BY_UNIT[unit])
+    if isinstance(method := good.get('home_type'), cia402.Method):
+        faults += _take_method(method, values, good)
     for pair in ('', 'near_', 'external_'):
         if good.get(f'{pair}ls_type') is LSType.SeparatePositiveLSNegativeLS:
             needed = (f'{pair}positive_ls_type', f'{pair}negative_ls_type')
@@ -296,6 +311,27 @@ def axis_parameters(values: Mapping[str, object], axis: str = '') -> AxisParamet
         if not faults:
             return parameters
     raise InvalidParameters(prefix + fault for fault in faults)
+
+
+def _take_method(
+    method: cia402.Method, values: Mapping[str, object], good: dict[str, Any]
+) -> list[str]:
+    """Put what a CiA 402 method implies into the good values; return what contradicts it."""
+    good['home_type'] = method.home_type
+    if 'limit_reversal' not in values:
+        good['limit_reversal'] = method.limit_reversal
+    implied = method.direction
+    if implied is None:
+        return []
+    given = good.get('home_direction') if 'home_direction' in values else None
+    good['home_direction'] = implied
+    if given in (None, implied):
+        return []
+    return [
+        f'home_direction: {given} contradicts home_type {method.number} ({method}), '
+        f'which homes {implied} ({method.home_type}); leave it out, or set it to '
+        f'{implied}'
+    ]
 
 
 def ramp_time(velocity: float, acceleration: float, jerk: float) -> float:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from ..procedures.states import Direction, HomeType, IndexMarginAction, Input, LSDirection, LSType
 from . import fields
-from .definition import REQUIRED
 from .units import Unit
 
 
@@ -17,7 +16,7 @@ from .units import Unit
 class AxisFields:
     """The values of all parameters of one axis, in SI units (m or rad, s)."""
 
-    home_type: HomeType = fields.parameter(HomeType, REQUIRED, 'how the axis homes')
+    home_type: HomeType = fields.home_type('how the axis homes')
     home_direction: Direction = fields.parameter(
         Direction, Direction.Positive, 'homing direction in raw coordinates'
     )
@@ -103,6 +102,11 @@ class AxisFields:
     )
     pause_mode: bool = fields.flag(False, 'pause before each reversal until `continue`')
 
+    limit_reversal: bool = fields.flag(
+        True,
+        'home switch types: a limit ahead turns the axis (false: its LS Type ends the run; '
+        'false unless set for the CiA 402 methods 3 to 6 and 19 to 22)',
+    )
     ls_type: LSType = fields.ls_type(LSType.Dec, 'action of the hardware limit switches')
     positive_ls_type: LSType = fields.separate_ls_type('positive')
     negative_ls_type: LSType = fields.separate_ls_type('negative')

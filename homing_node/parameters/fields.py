@@ -8,7 +8,8 @@ to a crane, and to a spindle of 95 000 turns in a minute.
 import dataclasses
 from typing import Any
 
-from ..procedures.states import LSType
+from ..procedures import cia402
+from ..procedures.states import HomeType, LSType
 from .definition import REQUIRED, Definition
 
 #: The furthest position, and the longest distance.
@@ -23,6 +24,24 @@ def parameter(kind: type, default: Any, text: str, unit: str = '', **bounds: Any
     if default is REQUIRED:
         return dataclasses.field(metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
+
+
+class HomeTypeDefinition(Definition):
+    """The definition of the home type, which a method of CiA 402 may name."""
+
+    def convert(self, value: object) -> Any:
+        """Return the home type, or the method that a number names."""
+        if isinstance(value, cia402.Method):
+            return value
+        try:
+            found = cia402.method(value)
+        except ValueError as error:
+            raise ValueError(f'{self.name}: {error}') from None
+        return found or super().convert(value)
+
+
+def home_type(text: str) -> Any:
+    return dataclasses.field(metadata={'definition': HomeTypeDefinition(text, HomeType)})
 
 
 def _real(

@@ -19,11 +19,13 @@ from .steps import (
     HS_CLEAR_REVERSE,
     HS_CLEAR_REVERSE_AT_START,
     HS_FALLING_EDGE_SEARCH_REVERSE,
+    HS_FALLING_EDGE_SEARCH_REVERSE_SLOW,
     HS_OFF_AND_Z_PULSE_SEARCH,
     HS_OFF_AND_Z_PULSE_SEARCH_ARMED,
     HS_OFF_SEARCH,
     HS_SEARCH,
     SECOND_HS_SEARCH,
+    SECOND_HS_SEARCH_REVERSE,
     TOUCH_PROBE_SEARCH,
     Z_PULSE_SEARCH_REVERSE,
     Z_PULSE_SEARCH_REVERSE_ARMED,
@@ -200,6 +202,43 @@ HS_TOUCH_PROBE = homes_on_switch(
     limit_switch_during_homing(then=HS_SEARCH),
 )
 
+HS_REVERSE = homes_on_switch(
+    HomeType.HSReverse,
+    'the feedback where the home switch falls, slowly, going away',
+    """
+    1. HSSearch: go toward, fast, until the home switch rises.
+    2. HSFallingEdgeSearchReverse, slow: turn and go away, slow, until the switch falls. That edge
+       is the home position.
+    3. HomeShift: come to rest off the switch, then go to the home position plus the home shift.
+
+    Home switch on at the start: HSClearReverse goes away, fast, until the switch falls, and
+    further by `homing_reverse_distance`; then step 1. Limit ahead in step 1: the reversal, then
+    step 1. `repeat`: steps 1 and 2 once more for each further pass.
+
+    Not a type of WMX3. CiA 402 has it as methods 19, 21, 23 and 27; LinuxCNC where HOME_LATCH_VEL
+    has the opposite sign of HOME_SEARCH_VEL.
+    """,
+    {
+        HS_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+                Event.HS_RISES: HS_FALLING_EDGE_SEARCH_REVERSE_SLOW,
+            },
+        ),
+        HS_FALLING_EDGE_SEARCH_REVERSE_SLOW: Row(
+            AWAY_SLOW,
+            {
+                Event.REPEAT: HS_SEARCH,
+                Event.HS_FALLS: HOME_SHIFT,
+            },
+        ),
+    },
+    home_switch_initially_on(then=HS_SEARCH),
+    limit_switch_during_homing(then=HS_SEARCH),
+)
+
 # -------------------------------------------------------------------- home switch, falling edge
 
 HS_OFF = homes_on_switch(
@@ -281,5 +320,38 @@ HS_OFF_REVERSE_Z_PULSE = homes_on_switch(
         Z_PULSE_SEARCH_REVERSE: Row(AWAY_SLOW, {Event.HS_RISES: Z_PULSE_SEARCH_REVERSE_ARMED}),
     },
     Z_PULSE_REVERSE_ROWS,
+    limit_switch_during_homing(then=HS_OFF_SEARCH),
+)
+
+HS_OFF_REVERSE = homes_on_switch(
+    HomeType.HSOffReverse,
+    'the feedback where the home switch rises, slowly, coming back from beyond it',
+    """
+    1. HSOffSearch: go toward, fast, until the home switch falls, at the far end of its flag.
+    2. SecondHSSearch, reverse: turn and go away, slow, until the switch rises again. That edge is
+       the home position.
+    3. HomeShift: come to rest on the switch, then go to the home position plus the home shift.
+
+    Home switch on at the start: the same, with less far to go. Limit ahead in step 1: the
+    reversal, then step 1. `repeat`: steps 1 and 2 once more for each further pass.
+
+    Not a type of WMX3. CiA 402 has it as methods 25 and 29.
+    """,
+    {
+        HS_OFF_SEARCH: Row(
+            TOWARD_FAST,
+            {
+                Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+                Event.HS_FALLS: SECOND_HS_SEARCH_REVERSE,
+            },
+        ),
+        SECOND_HS_SEARCH_REVERSE: Row(
+            AWAY_SLOW,
+            {
+                Event.REPEAT: HS_OFF_SEARCH,
+                Event.HS_RISES: HOME_SHIFT,
+            },
+        ),
+    },
     limit_switch_during_homing(then=HS_OFF_SEARCH),
 )

@@ -35,7 +35,11 @@ class State(TextEnum):
 
 
 class HomeType(TextEnum):
-    """Home types; the first fourteen are those of the manual's page on limit switches."""
+    """Home types; the first fourteen are those of the manual's page on limit switches.
+
+    The last eight are not WMX3's: an edge on the slow way back, and a second, slow pass over a
+    limit switch.
+    """
 
     HS = 'HS'
     HSZPulse = 'HSZPulse'
@@ -58,6 +62,14 @@ class HomeType(TextEnum):
     MechanicalEndDetectionHS = 'MechanicalEndDetectionHS'
     MechanicalEndDetectionLS = 'MechanicalEndDetectionLS'
     MechanicalEndDetectionReverseZPulse = 'MechanicalEndDetectionReverseZPulse'
+    HSReverse = 'HSReverse'
+    HSOffReverse = 'HSOffReverse'
+    LSOff = 'LSOff'
+    NearLSOff = 'NearLSOff'
+    ExternalLSOff = 'ExternalLSOff'
+    LSLS = 'LSLS'
+    NearLSNearLS = 'NearLSNearLS'
+    ExternalLSExternalLS = 'ExternalLSExternalLS'
 
 
 class Error(TextEnum):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All home types, in the order of the manual.
+"""All home types: those of the manual in its order, then those that it lacks.
 
 The tables stand in home_switch.py, limit_switch.py, no_switch.py and mechanical_end.py.
 """
@@ -10,8 +10,10 @@ from types import MappingProxyType
 from .home_switch import (
     HS,
     HS_OFF,
+    HS_OFF_REVERSE,
     HS_OFF_REVERSE_Z_PULSE,
     HS_OFF_Z_PULSE,
+    HS_REVERSE,
     HS_REVERSE_Z_PULSE,
     HS_TOUCH_PROBE,
     HS_Z_PULSE,
@@ -19,10 +21,16 @@ from .home_switch import (
 )
 from .limit_switch import (
     EXTERNAL_LS,
+    EXTERNAL_LS_EXTERNAL_LS,
+    EXTERNAL_LS_OFF,
     EXTERNAL_LS_REVERSE_Z_PULSE,
     LS,
+    LS_LS,
+    LS_OFF,
     LS_REVERSE_Z_PULSE,
     NEAR_LS,
+    NEAR_LS_NEAR_LS,
+    NEAR_LS_OFF,
     NEAR_LS_REVERSE_Z_PULSE,
 )
 from .mechanical_end import (
@@ -60,6 +68,14 @@ PROCEDURES: Mapping[HomeType, Procedure] = MappingProxyType(
             MECHANICAL_END_HS,
             MECHANICAL_END_LS,
             MECHANICAL_END_REVERSE_Z_PULSE,
+            HS_REVERSE,
+            HS_OFF_REVERSE,
+            LS_OFF,
+            NEAR_LS_OFF,
+            EXTERNAL_LS_OFF,
+            LS_LS,
+            NEAR_LS_NEAR_LS,
+            EXTERNAL_LS_EXTERNAL_LS,
         )
     }
 )

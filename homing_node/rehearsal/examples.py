@@ -103,6 +103,31 @@ def example(
     return Example(axis_parameters(values), layout, runs)
 
 
+def on_near_limit(home_type: HomeType) -> Example:
+    """Give an example that homes on the near limit switch."""
+    return example(
+        home_type,
+        NEAR_LIMIT,
+        IN_REACH,
+        ON_LIMIT._replace(start=0.092),
+        near_ls_type='Dec',
+        home_shift_distance=-0.010,
+    )
+
+
+def on_external_limit(home_type: HomeType) -> Example:
+    """Give an example that homes on the external limit switch, beyond the near one."""
+    return example(
+        home_type,
+        NEAR_LIMIT + EXTERNAL_LIMIT,
+        IN_REACH,
+        ON_LIMIT._replace(start=0.102),
+        near_ls_type='Dec',
+        external_ls_type='Dec',
+        home_shift_distance=-0.020,
+    )
+
+
 def mechanical_end(
     home_type: HomeType, inputs: tuple[Input, ...] = (), **parameters: object
 ) -> Example:
@@ -135,14 +160,7 @@ EXAMPLES = _by_home_type(
     example(HomeType.HSOffReverseZPulse, HS + INDEX, BEFORE, ON, BEYOND, index_offset=0.014),
     example(HomeType.LS, (), IN_REACH, ON_LIMIT, home_shift_distance=-0.010),
     example(HomeType.LSReverseZPulse, INDEX, IN_REACH, ON_LIMIT, index_offset=0.002),
-    example(
-        HomeType.NearLS,
-        NEAR_LIMIT,
-        IN_REACH,
-        ON_LIMIT._replace(start=0.092),
-        near_ls_type='Dec',
-        home_shift_distance=-0.010,
-    ),
+    on_near_limit(HomeType.NearLS),
     example(
         HomeType.NearLSReverseZPulse,
         NEAR_LIMIT + INDEX,
@@ -151,15 +169,7 @@ EXAMPLES = _by_home_type(
         near_ls_type='Dec',
         index_offset=0.002,
     ),
-    example(
-        HomeType.ExternalLS,
-        NEAR_LIMIT + EXTERNAL_LIMIT,
-        IN_REACH,
-        ON_LIMIT._replace(start=0.102),
-        near_ls_type='Dec',
-        external_ls_type='Dec',
-        home_shift_distance=-0.020,
-    ),
+    on_external_limit(HomeType.ExternalLS),
     example(
         HomeType.ExternalLSReverseZPulse,
         EXTERNAL_LIMIT + INDEX,
@@ -179,4 +189,12 @@ EXAMPLES = _by_home_type(
         mechanical_end_detection_ignore_ls=True,
     ),
     mechanical_end(HomeType.MechanicalEndDetectionReverseZPulse, INDEX),
+    example(HomeType.HSReverse, HS, BEFORE, ON, BEYOND),
+    example(HomeType.HSOffReverse, HS, BEFORE, ON, BEYOND),
+    example(HomeType.LSOff, (), IN_REACH, ON_LIMIT, home_shift_distance=-0.010),
+    on_near_limit(HomeType.NearLSOff),
+    on_external_limit(HomeType.ExternalLSOff),
+    example(HomeType.LSLS, (), IN_REACH, ON_LIMIT, home_shift_distance=-0.010),
+    on_near_limit(HomeType.NearLSNearLS),
+    on_external_limit(HomeType.ExternalLSExternalLS),
 )

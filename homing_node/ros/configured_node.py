@@ -54,8 +54,12 @@ class ConfiguredNode(Node, ABC):
         clock = COMMON_DEFINITIONS['use_sim_time']  # rclpy has declared it already
         self.set_descriptor(clock.name, messages.descriptor(clock, read_only=True))
         self._declare(NODE_DEFINITIONS, given)
-        for axis in self.configuration.axes:
-            self._declare(AXIS_DEFINITIONS, given, f'{axis}.')
+        for axis, parameters in self.configuration.axes.items():
+            implied = {  # by a CiA 402 method
+                f'{axis}.home_direction': parameters.home_direction,
+                f'{axis}.limit_reversal': parameters.limit_reversal,
+            }
+            self._declare(AXIS_DEFINITIONS, {**implied, **given}, f'{axis}.')
 
     def declare_parameters(
         self, namespace: str, parameters: Any, ignore_override: bool = False
