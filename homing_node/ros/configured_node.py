@@ -88,7 +88,7 @@ class ConfiguredNode(Node, ABC):
             source: self.get_parameter(f'{axis}.{name}').value for name, source in TOPICS.items()
         }
 
-    # --------------------------------------------------------------------- for the node to fill in
+    # --------------------------------------------------------------------- the subclass has these
 
     @abstractmethod
     def in_use(self, axis: str) -> str:
@@ -96,11 +96,11 @@ class ConfiguredNode(Node, ABC):
 
     @abstractmethod
     def take_axis(self, axis: str, parameters: AxisParameters) -> None:
-        """Take new parameters of an axis."""
+        """Use new parameters of an axis."""
 
     @abstractmethod
     def take(self, name: str, value: Any) -> None:
-        """Take a new value of one of the node's own parameters."""
+        """Use a new value of one of the node's own parameters."""
 
     # ------------------------------------------------------------------------------------- inside
 

@@ -108,7 +108,7 @@ class Inputs:
         self._next_feedback = taker(subscribe(JointState, 'joint_states', feedback_qos), True)
         self._next_emergency_stop = taker(subscribe(Bool, '~/emergency_stop', 10), True)
         self._wired: dict[str, list[WiredInput]] = {name: [] for name in axes}
-        self._all: list[tuple[Axis, WiredInput]] = []
+        self._all: list[tuple[Take, Axis, WiredInput]] = []
 
     def wire(self, name: str, topics: Mapping[Input, str]) -> None:
         """Subscribe to the inputs that an axis's parameters name.
@@ -143,7 +143,11 @@ class Inputs:
             one.stamps.limit = p.feedback_timeout
         for joints in self._lists.values():
             joints.regroup()
-        self._all = [(self._axes[axis], one) for axis, all_ in self._wired.items() for one in all_]
+        self._all = [
+            (one.take, self._axes[axis], one)
+            for axis, inputs in self._wired.items()
+            for one in inputs
+        ]
 
     def _connect(self, source: Input, topic: str) -> WiredInput:
         kind = Float64 if source in LATCHES else Bool
@@ -153,9 +157,12 @@ class Inputs:
     def poll(self) -> None:
         """Give the messages that have arrived to their axes, the feedback last."""
         self._clock.relate()
-        for axis, one in self._all:
-            for data, info in waiting(one.take):
-                self._take(axis, one, data, info)
+        for take, axis, one in self._all:
+            taken = take()  # most are silent most of the time
+            if taken is not None:
+                self._take(axis, one, *taken)
+                for data, info in waiting(take):
+                    self._take(axis, one, data, info)
         for data, info in waiting(self._next_emergency_stop):
             self._take_emergency_stop(data, info)
         for data, info in waiting(self._next_feedback):

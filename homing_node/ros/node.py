@@ -59,7 +59,7 @@ def latched(depth: int) -> QoSProfile:
 class HomingNode(ConfiguredNode):
     """Homes the axes that its parameters describe; doc/ros_interface.md is its contract.
 
-    Raises InvalidParameters, with every fault, where the parameters are bad.
+    Raises InvalidParameters, with every fault, if the parameters are bad.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -205,7 +205,7 @@ class HomingNode(ConfiguredNode):
         return int(self.get_clock().now().nanoseconds)
 
     def _unready(self, name: str) -> Outcome | None:
-        """Return why an axis cannot home for a reason that only the node knows."""
+        """Return why an axis cannot home for a reason that only the node knows, else None."""
         if name in self.faults:
             return Outcome(Error.InvalidParameter, '; '.join(self.faults[name]))
         if self._timebase.now < FIRST_INSTANT:
@@ -312,7 +312,7 @@ class HomingNode(ConfiguredNode):
             elif late < -self._period:
                 self._set_back(-late)
             if abs(late) >= self._period:
-                due = clock.now + self._lead.time  # what was missed is not made up for
+                due = clock.now + self._lead.time  # missed cycles are not made up for
             try:
                 self._cycle(clock.now, due)
             except Exception as error:
@@ -332,7 +332,7 @@ class HomingNode(ConfiguredNode):
         )
 
     def _cycle(self, now: float, due: float) -> None:
-        """Poll the inputs, update the axes, publish the setpoints, answer what ended."""
+        """Poll the inputs, update the axes, publish setpoints, answer the requests that ended."""
         setpoints, changed = {}, False
         with self._lock:
             if not self._inputs_ignored:
@@ -367,7 +367,7 @@ class HomingNode(ConfiguredNode):
         self._finish()
 
     def _set_back(self, step: float) -> None:
-        """Stop every axis; forget what was known at times that are to come once more."""
+        """Stop every axis and discard the history that is newer than the new time."""
         text = f'simulated time was set back by about {step:.3f} s'
         now = self._watched = self._timebase.now
         with self._lock:

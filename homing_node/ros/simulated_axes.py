@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executable `simulated_axes`: the plant of simulation.py as a process of its own.
+"""The executable `simulated_axes`: the plant of plant/simulated_axis.py as a process of its own.
 
 The homing node takes the time of an edge from the time stamp that the middleware gives the
 message in publish(), so a message must be published when its event happens. Therefore the world

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's clock: the time of the core, how stamps relate to it, and waiting for the next cycle.
+"""The node's clock: the time of the core, the time of stamps, and the wait for the next cycle.
 
 Without ``use_sim_time`` the core's time is the monotonic clock, and stamps (system time) are
 related to it anew at every message, so that a step of the system clock does no harm. With it the
@@ -13,10 +13,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-#: How often a simulated clock is looked at, s.
-LOOK = 0.0005
-#: A simulated clock that has not moved for this long of real time stands, s. What lies between two
-#: looks counts for no more than BLINK: we may have been held up, and the clock not.
+#: Interval at which a simulated clock is read while the cycle waits, s.
+READ_PERIOD = 0.0005
+#: A simulated clock that has not moved for this long of real time stands still, s. A gap between
+#: two readings counts as at most BLINK, as this process may have been delayed, and not the clock.
 STANDSTILL, BLINK = 1.0, 0.1
 
 #: A lead settles where this share of the setpoints is late. It changes by no more than LEAD_STEP
@@ -37,11 +37,11 @@ def wake_precisely() -> None:
 
 
 class TimeBase:
-    """The cycle reads it, nobody else: what lies between two readings is how late a cycle was.
+    """The node's clock. Only the cycle calls `read`: the gap between two readings is its lateness.
 
-    ``now`` is the time of the last reading, ``polled`` that of the last poll or message in it, s;
-    0 while simulated time has not begun. ``ros_time`` returns the simulated time in ns, or is None
-    where time is not simulated.
+    ``now`` is the time of the last reading, ``polled`` the time of the last poll or message, in s;
+    both are 0 while simulated time has not begun. ``ros_time`` returns the simulated time in ns;
+    None: time is not simulated.
     """
 
     def __init__(self, ros_time: Callable[[], int] | None = None) -> None:
@@ -62,16 +62,16 @@ class TimeBase:
 
     @property
     def stands(self) -> bool:
-        """Whether simulated time has stood still for a while."""
+        """Whether simulated time stands still."""
         return self.simulated and self._stood > STANDSTILL
 
     @property
     def elapsed(self) -> float:
-        """How long ago the last reading was, s."""
+        """The time since the last reading, s."""
         return self._look()[0] - self.now
 
     def read(self) -> float:
-        """Read the clock; for the thread of the cycle alone."""
+        """Read the clock; only the thread of the cycle may."""
         before = self.now
         self.now, _ = self._look()
         if self.simulated:
@@ -82,25 +82,25 @@ class TimeBase:
         return self.now
 
     def relate(self) -> None:
-        """Relate stamps to the present, of a poll or a message; while the axes are locked."""
+        """Measure again how system time relates to the core's time; while the axes are locked."""
         self._relation = self._look()
 
     def time_of(self, nanoseconds: int) -> float:
-        """Return a stamp in the time of the core, as it was related last."""
+        """Return a stamp in the time of the core, by the last `relate`."""
         then, wall = self._relation
         return then + (nanoseconds - wall) * 1e-9
 
     def sleep_until(self, due: float, ended: Callable[[], bool]) -> None:
-        """Wait for a time of the core.
+        """Wait until a time of the core.
 
-        While time is simulated: or until ``ended`` says so, or until it was set back.
+        In simulated time the wait also ends if ``ended`` returns true, or if time was set back.
         """
         if self._ros_time is None:
             time.sleep(max(0.0, due - time.monotonic()))
             return
         before = self.now
         while before <= self.read() < due and not ended():
-            time.sleep(LOOK)
+            time.sleep(READ_PERIOD)
 
     def _look(self) -> tuple[float, int]:
         """Return the time of the core in s, and the stamp at that time in ns."""
@@ -118,7 +118,7 @@ class TimeBase:
 
 
 class Lead:
-    """How long before its setpoints are due a cycle begins, learned from which of them were late.
+    """How long before its setpoints are due a cycle begins, learned from the late setpoints.
 
     ``time`` in s.
     """
@@ -128,6 +128,6 @@ class Lead:
         self.time = 0.0
 
     def learn(self, late: bool) -> None:
-        """Take whether the setpoints of a cycle were late."""
+        """Adapt the lead; ``late``: the setpoints of this cycle left after they were due."""
         time = self.time + (late - LATE_SHARE) * LEAD_STEP * self._period
         self.time = min(max(0.0, time), MOST_LEAD * self._period)
