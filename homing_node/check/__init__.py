@@ -24,6 +24,7 @@ from .overruns import Overruns
 from .parameters_only import ParametersOnly
 from .remedy import applicable
 from .run_bounds import RunBounds
+from .shared_inputs import SharedInputs
 from .switch_positions import SwitchPositions
 from .wired_inputs import WiredInputs
 
@@ -55,7 +56,7 @@ def check(
     findings: list[Finding] = []
     if isinstance(axes, Configuration):
         timing = timing._replace(update_rate=axes.update_rate)
-        findings += [*_check_node(axes), *_unread_topics(axes)]
+        findings += [*_check_node(axes), *_unread_topics(axes), *SharedInputs(axes).check()]
         axes = axes.axes
     for axis, parameters in axes.items():
         findings += check_axis(axis, parameters, (layouts or NOWHERE).get(axis), timing)

@@ -144,6 +144,11 @@ class Axis:
         """Whether the drive holds the axis, as far as it is known."""
         return self.servo_on and not self.readings.servo_is_off
 
+    def is_on(self, switch: Input) -> bool:
+        """Whether a wired switch is known to be on."""
+        known = self._readings.switches.get(switch)
+        return known is not None and known.level is True
+
     def refusal(self, now: float) -> Outcome | None:
         """Return why a run cannot start now, None if it can."""
         if self.machine is not None:
