@@ -2,7 +2,17 @@
 """The rules that hold in every row, one by one: the machine with switches set by hand."""
 
 import pytest
-from core_rig import HS, LIMIT_AHEAD, LIMIT_BEHIND, NEAR_AHEAD, error_of, furthest, rig
+from core_rig import (
+    DIRECTIONS,
+    HOME,
+    HS,
+    LIMIT_AHEAD,
+    LIMIT_BEHIND,
+    NEAR_AHEAD,
+    error_of,
+    furthest,
+    rig,
+)
 
 from homing_node.core.machine import Machine
 from homing_node.core.outcome import Failure
@@ -519,3 +529,21 @@ def test_a_normal_limit_that_rises_while_the_axis_rests_in_a_pause_ends_nothing(
     assert hand.machine.paused
     hand.edge(LIMIT_AHEAD, True, way=1)
     assert hand.error is Error.NoError
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+@pytest.mark.parametrize('home_type', ['HS', 'HSHS', 'HSZPulse'])
+def test_a_home_switch_that_is_never_off_is_named(direction, home_type):
+    """Case 21: a normally closed home switch, and `invert_hs_polarity` is forgotten."""
+    closed = rig(home_type).switched(home_switch=HOME._replace(inverted=True))
+    outcome = closed.home(direction, 0.05).outcome
+    assert outcome.error is Error.LSTriggered
+    assert 'home switch was on at the start and never fell' in outcome.message
+    assert 'invert_hs_polarity' in outcome.message
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+def test_a_home_switch_that_fell_once_is_not_named(direction):
+    outcome = rig('HS').but(max_ls_reverse_distance=0.005).home(direction, 0.085).outcome
+    assert outcome.error is Error.MaxLSRevDistanceTraveled
+    assert 'invert_hs_polarity' not in outcome.message

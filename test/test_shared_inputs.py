@@ -2,12 +2,15 @@
 """One signal for two inputs: what the check finds, and which requests are refused."""
 
 import pytest
+from core_rig import DIRECTIONS, REVERSING, rig
 
 from homing_node.check import Severity, check, errors
 from homing_node.core.axis import Axis
 from homing_node.core.shared_signals import SharedSignals
 from homing_node.parameters.configuration import configuration
 from homing_node.parameters.wiring import Place, wiring_of
+from homing_node.plant.layout import mirrored
+from homing_node.plant.simulated_axis import SimulatedAxis
 from homing_node.procedures.states import Error, Input, LimitPair
 
 HS, POSITIVE, NEGATIVE = 'home_switch', 'positive_limit_switch', 'negative_limit_switch'
@@ -123,3 +126,84 @@ def test_an_axis_is_refused_while_its_shared_switch_is_on(shared):
 
 def test_a_place_reads_as_a_parameter():
     assert str(Place('x', Input.HOME_SWITCH)) == 'x.home_switch'
+
+
+# ------------------------------------------------------------------- both limits on one input
+
+
+class OneInput(SimulatedAxis):
+    """A plant whose two limit switches are wired in series: each input reads either of them."""
+
+    __slots__ = ()
+
+    def _either(self):
+        levels = super().levels()
+        return levels[POSITIVE] or levels[NEGATIVE]
+
+    def levels(self):
+        return {**super().levels(), POSITIVE: self._either(), NEGATIVE: self._either()}
+
+    def step(self, dt):
+        before = self._either()
+        happenings = []
+        for one in super().step(dt):
+            if one.input not in (POSITIVE, NEGATIVE):
+                happenings.append(one)
+            elif one.value != before:  # the two flags never overlap
+                before = one.value
+                happenings += [one._replace(input=name) for name in (POSITIVE, NEGATIVE)]
+        return happenings
+
+
+def in_series(home_type, start, direction=1, **changes):
+    """Return a rehearsal of an axis whose limit switches are one input."""
+    rehearsal = rig(home_type, **changes).rehearsal(direction, start)
+    layout = rig(home_type).layout._replace(start=start)
+    rehearsal.plant = OneInput(layout if direction > 0 else mirrored(layout))
+    rehearsal.axis.wire_in_series([LimitPair.HARDWARE])
+    rehearsal._introduce()
+    return rehearsal
+
+
+def one_by_one(home_type, start, direction=1, **changes):
+    return rig(home_type, **changes).home(direction, start)
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+@pytest.mark.parametrize('start', [0.02, 0.05, 0.063, 0.07, 0.085])
+@pytest.mark.parametrize('home_type', REVERSING)
+def test_a_run_is_the_same_with_limits_in_series(home_type, start, direction):
+    course = in_series(home_type, start, direction).home(60.0)
+    plain = one_by_one(home_type, start, direction)
+    assert course.outcome.success
+    assert course.samples == plain.samples
+    assert course.outcome == plain.outcome
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+def test_no_run_starts_while_limits_in_series_are_on_and_the_end_is_unknown(direction):
+    course = in_series('HS', 0.0005, direction).home(60.0)
+    assert course.outcome.error is Error.LimitsBothOn
+    assert 'by hand' in course.outcome.message
+    assert not course.samples
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+def test_an_axis_backs_off_from_the_end_where_limits_in_series_rose(direction):
+    """The home switch is dead: the axis meets the limit ahead, then the limit behind."""
+    rehearsal = in_series('HS', 0.05, direction)
+    rehearsal.plant.move_switch(HS, 1.0 * direction)
+    first = rehearsal.home(60.0)
+    assert first.outcome.error is Error.LSTriggered
+    assert '(behind)' in first.outcome.message
+    rehearsal.plant.move_switch(HS, -1.0 * direction)
+    assert rehearsal.home(60.0).outcome.success  # it stands on the limit behind, and leaves it
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+def test_an_axis_moved_by_hand_onto_a_limit_in_series_has_no_known_end(direction):
+    rehearsal = in_series('HS', 0.05, direction)
+    assert rehearsal.home(60.0).outcome.success
+    rehearsal.axis.switch(Input.POSITIVE_LIMIT_SWITCH, rehearsal.time + 1.0, True)
+    rehearsal.axis.switch(Input.NEGATIVE_LIMIT_SWITCH, rehearsal.time + 1.0, True)
+    assert rehearsal.home(60.0).outcome.error is Error.LimitsBothOn

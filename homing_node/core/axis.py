@@ -8,9 +8,10 @@ homing direction is applied here. SI units; times are in s of one monotonic cloc
 """
 
 import math
+from collections.abc import Iterable
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import LIMIT_SWITCHES, Error, Input, State
+from ..procedures.states import LIMIT_SWITCHES, Error, Input, LimitPair, State
 from .edge_queue import EdgeQueue
 from .history import History
 from .limits import Action
@@ -19,6 +20,7 @@ from .outcome import Failure, Outcome
 from .profile import Profile
 from .readings import Readings
 from .result import outcome_of
+from .series_limits import SeriesLimits
 from .settling import Rest, Settling
 from .signals import Edge, Track
 
@@ -56,6 +58,7 @@ class Axis:
         self.readings = Readings(parameters)
         self._edges = EdgeQueue()
         self._settling = Settling()
+        self._series = SeriesLimits()
         self._commands = Track()
         self._rest: Rest | None = None
         self._moved = False
@@ -75,6 +78,11 @@ class Axis:
         self._sign = parameters.home_direction.sign
         self.readings.configure(parameters)
         self.profile = Profile(self.period, parameters.max_jerk)
+
+    def wire_in_series(self, pairs: Iterable[LimitPair]) -> None:
+        """Set which pairs of limit switches are one input; known ends stay if nothing changes."""
+        if self._series.pairs != frozenset(pairs):
+            self._series = SeriesLimits(pairs)
 
     # ------------------------------------------------------------------------------------- inputs
 
@@ -146,7 +154,7 @@ class Axis:
 
     def is_on(self, switch: Input) -> bool:
         """Whether a wired switch is known to be on."""
-        known = self._readings.switches.get(switch)
+        known = self.readings.switches.get(switch)
         return known is not None and known.level is True
 
     def refusal(self, now: float) -> Outcome | None:
@@ -180,7 +188,12 @@ class Axis:
         readings = self.readings
         readings.begin_run()
         self.machine = Machine(
-            self.parameters, self.profile, readings.switches, now, readings.track.position
+            self.parameters,
+            self.profile,
+            readings.switches,
+            now,
+            readings.track.position,
+            self._series,
         )
         self.machine.begin()
         return None
@@ -340,6 +353,8 @@ class Axis:
         """Queue an edge for the machine; act on a limit at once."""
         machine = self.machine
         if machine is None:
+            if edge.rises:
+                self._series.rose_without_run(edge.input)
             return
         if edge.input in LIMIT_SWITCHES:
             if edge.rises:

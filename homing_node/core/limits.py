@@ -31,7 +31,18 @@ from typing import NamedTuple
 
 from ..parameters.axis import AxisParameters
 from ..procedures.motions import Way
-from ..procedures.states import LATCHES, LIMIT_PAIRS, Input, LimitPair, LSType, Role, TextEnum
+from ..procedures.states import (
+    LATCHES,
+    LIMIT_PAIRS,
+    Error,
+    Input,
+    LimitPair,
+    LSType,
+    Role,
+    TextEnum,
+)
+from .outcome import Failure
+from .series_limits import SeriesLimits
 from .signals import Edge, Switch
 
 
@@ -253,15 +264,35 @@ class LimitSwitches:
     Positions are in the *toward* frame, m or rad.
     """
 
-    def __init__(self, parameters: AxisParameters, switches: Mapping[Input, Switch]) -> None:
+    def __init__(
+        self,
+        parameters: AxisParameters,
+        switches: Mapping[Input, Switch],
+        series: SeriesLimits | None = None,
+    ) -> None:
         self._limits = limits_of(parameters)
         self._switches = switches
+        self._series = series or SeriesLimits()
         self._bounce_distance = parameters.bounce_distance
         self._rises: dict[Input, Edge] = {}
         self._left: dict[Input, float] = {}
 
     def get(self, switch: Input) -> Limit | None:
         return self._limits.get(switch)
+
+    def rising(self, switch: Input, way: float, feedback: float) -> Limit | None:
+        """Return the limit that rises while the axis moves a way (its sign).
+
+        Of a pair in series, only the limit that the axis moves into rises, and a bounce of the
+        limit that it leaves is no rise.
+        """
+        limit = self._limits.get(switch)
+        if limit is None or limit.pair not in self._series.pairs:
+            return limit
+        if limit.way * way <= 0.0 or self.bounces(switch, feedback):
+            return None
+        self._series.rose(limit.pair, switch)
+        return limit
 
     def remember(self, edge: Edge) -> None:
         """Remember where the axis came to a limit, because the limit may be a momentary one."""
@@ -278,11 +309,24 @@ class LimitSwitches:
         left = self._left.get(switch)
         return left is not None and abs(feedback - left) <= self._bounce_distance
 
-    def pair_on(self) -> tuple[Input, Input] | None:
-        """Return a pair whose two limits are on together, None if there is none."""
-        for pair in LIMIT_PAIRS.values():
-            if all(switch in self._limits and self._on(switch) for switch in pair):
-                return pair
+    def contradiction(self) -> Failure | None:
+        """Return the failure of a pair whose levels do not say where the axis is, or None."""
+        for pair, (positive, negative) in LIMIT_PAIRS.items():
+            if not all(one in self._limits and self._on(one) for one in (positive, negative)):
+                continue
+            if pair not in self._series.pairs:
+                return Failure(
+                    Error.LimitsBothOn,
+                    f'{positive.text} and {negative.text} are on together',
+                    'wiring, or polarity (invert_..._ls_polarity)?',
+                )
+            if not self._series.end_known(pair):
+                return Failure(
+                    Error.LimitsBothOn,
+                    f'{positive.text} and {negative.text} are one input, and it is on: it does '
+                    'not say at which end the axis is',
+                    'move the axis off its limit switch by hand',
+                )
         return None
 
     def reversing(self, feedback: float) -> bool:
@@ -312,6 +356,5 @@ class LimitSwitches:
     def _reached(self, limit: Limit, feedback: float) -> bool:
         """Return whether the axis is on a limit, or beyond where a momentary limit rose."""
         rise = self._rises.get(limit.input)
-        return self._on(limit.input) or (
-            rise is not None and (feedback - rise.position) * limit.way > 0.0
-        )
+        on = self._on(limit.input) and self._series.is_at(limit.pair, limit.input)
+        return on or (rise is not None and (feedback - rise.position) * limit.way > 0.0)

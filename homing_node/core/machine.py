@@ -22,6 +22,7 @@ from .movement import Movement
 from .outcome import Failure
 from .passes import Passes
 from .profile import Profile
+from .series_limits import SeriesLimits
 from .signals import Edge, Mark, Switch, Track
 from .switch_events import SwitchEvents
 from .travel import Rules
@@ -36,6 +37,17 @@ class Snapshot(NamedTuple):
     reference: Mark | None
     coarse_pass: Mark | None
     fine_passes: tuple[Mark, ...]
+
+
+#: How a run ends if a switch never falls on the way back.
+STUCK_SWITCH = frozenset(
+    {
+        Error.LSTriggered,
+        Error.SearchDistanceExceeded,
+        Error.MaxLSRevDistanceTraveled,
+        Error.MaxHSOnAtStartRevDistanceTraveled,
+    }
+)
 
 
 class Machine:
@@ -84,6 +96,7 @@ class Machine:
         switches: Mapping[Input, Switch],
         now: float,
         feedback: float,
+        series: SeriesLimits | None = None,
     ) -> None:
         self.parameters = parameters
         self.procedure = parameters.procedure
@@ -97,7 +110,7 @@ class Machine:
         self.reference: Mark | None = None
         self.arrows: list[tuple[Step, Event]] = []
 
-        self._limits = LimitSwitches(parameters, switches)
+        self._limits = LimitSwitches(parameters, switches, series)
         self._switches = SwitchEvents(parameters, switches, self._limits)
         self._movement = Movement(parameters, profile, now, feedback, self.warn)
         self._rules = Rules(parameters, now)
@@ -142,7 +155,7 @@ class Machine:
     def begin(self) -> None:
         """Enter the first row; its conditions decide what the start position changes."""
         searches = len(self.procedure.events) > 1  # CurrentPos does not, and needs no limit
-        if not (searches and self._both_on()):
+        if not (searches and self._limits_contradict()):
             self._enter(self.procedure.first, Mark(self.feedback))
 
     def edge(self, edge: Edge) -> None:
@@ -170,10 +183,11 @@ class Machine:
 
     def limit_rises(self, switch: Input) -> None:
         """Respond to a limit's rise at once, before its position is known (limits.py)."""
-        limit = self._limits.get(switch)
+        way = self.profile.velocity or self._movement.leg.way
+        limit = self._limits.rising(switch, way, self.feedback)
         if limit is None:
             return
-        self._both_on()
+        self._limits_contradict()
         action, response = limit.action, response_to(limit, self._rise_of(limit))
         if response is Response.ACT and action:
             self.ending.stop(action)
@@ -217,7 +231,10 @@ class Machine:
         The first error stays. A harder stop that comes later takes over.
         """
         if not self.ending.stopping:
-            hint = failure.hint and f'; {failure.hint}'
+            hint = failure.hint
+            if failure.error in STUCK_SWITCH:
+                hint = self._switches.stuck_home_switch(self.row) or hint
+            hint = hint and f'; {hint}'
             self._give_up(failure.error, f'{failure.seen} in {self.state}{hint}')
         self.ending.stop(action or Action(self.parameters.ls_dec))
 
@@ -382,19 +399,12 @@ class Machine:
         self.fail(Failure(Error.LSTriggered, seen), limit.action)
         return True
 
-    def _both_on(self) -> bool:
-        """Fail if both limits of a pair are on; return whether they are."""
-        pair = self._limits.pair_on()
-        if pair is None:
-            return False
-        self.fail(
-            Failure(
-                Error.LimitsBothOn,
-                f'{pair[0].text} and {pair[1].text} are on together',
-                'wiring, or polarity (invert_..._ls_polarity)?',
-            )
-        )
-        return True
+    def _limits_contradict(self) -> bool:
+        """Fail if the levels of a pair of limits contradict each other; return whether they do."""
+        failure = self._limits.contradiction()
+        if failure is not None:
+            self.fail(failure)
+        return failure is not None
 
     # ------------------------------------------------------------------------------------ endings
 

@@ -24,9 +24,12 @@ class SwitchEvents:
         target = parameters.procedure.target
         self._target = parameters.limit_switch(target, Way.TOWARD) if target else None
         self._flags = FlagEnds(parameters)
+        self._always_on = {name for name, switch in switches.items() if switch.level is True}
 
     def remember(self, edge: Edge) -> None:
         """Remember where the flags begin and end."""
+        if not edge.rises:
+            self._always_on.discard(edge.input)
         if edge.way > 0:
             self._flags.add(edge)
         self._limits.remember(edge)
@@ -34,6 +37,15 @@ class SwitchEvents:
     def on(self, switch: Input) -> bool:
         """Return whether a switch is wired and on."""
         return switch in self._switches and self._switches[switch].level is True
+
+    def stuck_home_switch(self, row: Row) -> str:
+        """Return a hint if a row waits for the fall of a home switch that was never off, or ''."""
+        if Event.HS_FALLS not in row.on or Input.HOME_SWITCH not in self._always_on:
+            return ''
+        return (
+            'the home switch was on at the start and never fell: is its polarity right '
+            '(invert_hs_polarity), or is it stuck on?'
+        )
 
     def events_of(self, switch: Input) -> tuple[Event | None, Event | None, Event | None]:
         """Return the events of a switch: it rises, it falls, it is on though no rise counted."""
