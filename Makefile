@@ -60,6 +60,7 @@ bench-accuracy: venv
 
 docs: venv
 	$(VENV)/bin/python scripts/docs.py
+	$(VENV)/bin/python scripts/methods.py
 	$(VENV)/bin/python scripts/reference.py
 	$(VENV)/bin/python scripts/faults.py --write
 

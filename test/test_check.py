@@ -461,6 +461,13 @@ WITH = [
         flags={AHEAD: SwitchLayout(0.185, 0.1853)},
         words=AHEAD,
     ),
+    Case(
+        'flag-bounce',
+        ERROR,
+        {'home_type': 'HSOff'},
+        flags={HS: SwitchLayout(0.15, 0.1502)},
+        words='5 ms x homing_velocity_fast',
+    ),
     Case('flag-narrow', INFO, flags={HS: SwitchLayout(0.15, 0.152)}),
     Case('ls-reverse-bound', ERROR, {'max_ls_reverse_distance': 0.036}, right=0.053),
     Case('ls-reverse-bound', WARNING, {'max_ls_reverse_distance': 0.045}, right=0.053),

@@ -31,6 +31,7 @@ from homing_node.parameters.configuration import configuration
 from homing_node.parameters.yaml_file import load, read
 from homing_node.plant import layout_file
 from homing_node.plant.layout import SWITCHES, AxisLayout
+from homing_node.procedures.cia402 import METHODS
 from homing_node.procedures.states import LIMIT_SWITCHES, Error, HomeType, Input, LSType, State
 from homing_node.ros.simulated_axes import Settings
 
@@ -226,6 +227,19 @@ def test_parameters_page_is_generated():
     assert (DOC / 'parameters.md').read_text() == page, 'run `make docs`'
     for name in DEFINITIONS:
         assert page.count(f'\n| `{name}` |') == 1
+
+
+def test_pages_of_methods_and_of_other_files_are_generated():
+    spec = importlib.util.spec_from_file_location('methods', ROOT / 'scripts' / 'methods.py')
+    methods = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(methods)
+    assert (DOC / 'cia402.md').read_text() == methods.cia402_page(), 'run `make docs`'
+    assert (DOC / 'convert.md').read_text() == methods.convert_page(), 'run `make docs`'
+    drawn = {number for family in methods.FAMILIES for number in family.numbers}
+    moving = {number for number, one in METHODS.items() if one.direction}
+    assert drawn == moving
+    for family in methods.FAMILIES:
+        assert (DOC / 'figures' / f'cia402_{family.name}.svg').stat().st_size < 40_000
 
 
 def rows_of(page, *columns):

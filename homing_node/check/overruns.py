@@ -236,6 +236,24 @@ class Overruns(AxisWithLayout):
                         down(0.5 * width / velocity),
                         's',
                     )
+                elif (
+                    way is Way.TOWARD
+                    and Event.HS_FALLS in row.on
+                    and name is Input.HOME_SWITCH
+                    and width <= p.flag_bounce_distance
+                ):
+                    yield self.found(
+                        Severity.error,
+                        'flag-bounce',
+                        f'{name} is on over {width:.4g} m; without switch_debounce a fall within '
+                        f'{p.flag_bounce_distance:.4g} m (5 ms x homing_velocity_fast) of the '
+                        'rise is taken for a bounce',
+                        'the flag is never found, and runs end with LSTriggered',
+                        'switch_debounce',
+                        0.0,
+                        down(0.5 * width / velocity),
+                        's',
+                    )
                 elif self._passed(name, step, row, width, velocity):
                     yield self.found(
                         Severity.info,

@@ -2,7 +2,7 @@
 """The ends of the flags of the switches, as the axis passed them going toward.
 
 Positions are in the *toward* frame, m or rad. A contact bounces where it changes: if edges lie
-within ``bounce_distance`` of each other, only the first one is an end of the flag.
+within ``flag_bounce_distance`` of each other, only the first one is an end of the flag.
 """
 
 from ..parameters.axis import AxisParameters
@@ -14,10 +14,12 @@ class FlagEnds:
     """The ends of each flag, and which end an edge going away belongs to."""
 
     def __init__(self, parameters: AxisParameters) -> None:
-        self._bounce_distance = parameters.bounce_distance
+        self._bounce_distance = parameters.flag_bounce_distance
         self._tolerance = parameters.edge_agreement
         self._newest: dict[tuple[Input, bool], Edge] = {}
         self._ends: dict[tuple[Input, bool], Edge] = {}
+        #: How far behind the opposite edge the last bounce was, None if there was none.
+        self.dismissed: float | None = None
 
     def add(self, edge: Edge) -> None:
         """Record an edge that the axis passed going toward."""
@@ -31,9 +33,10 @@ class FlagEnds:
     def bounces(self, edge: Edge) -> bool:
         """Return whether an edge going toward may be a bounce of the opposite edge before it."""
         opposite = self._newest.get((edge.input, not edge.rises))
-        return opposite is not None and (
-            edge.position <= opposite.position + self._bounce_distance
-        )
+        if opposite is None or edge.position > opposite.position + self._bounce_distance:
+            return False
+        self.dismissed = edge.position - opposite.position
+        return True
 
     def at_entry(self, edge: Edge) -> bool:
         """Return whether an edge going away is at the end where the axis entered the flag.

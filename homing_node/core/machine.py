@@ -205,7 +205,19 @@ class Machine:
         elif response in (Response.FAIL, Response.FAIL_ALWAYS):
             second = self._reversed and limit.way is Way.TOWARD
             again = ' for the second time in this run' if second else ''
-            self.fail(Failure(Error.LSTriggered, f'the {limit.name} rose{again}'), action)
+            seen = f'the {limit.name} rose{again}'
+            self.fail(Failure(Error.LSTriggered, seen, self._bounce_hint()), action)
+
+    def _bounce_hint(self) -> str:
+        """Return what to do about a flag that was taken for a bounce, '' if none was."""
+        width, p = self._switches.dismissed, self.parameters
+        if width is None:
+            return ''
+        return (
+            f'the home switch fell {width:.3g} m behind its rise, which was taken for a bounce '
+            f'(within {p.flag_bounce_distance:.3g} m, 5 ms x homing_velocity_fast); set '
+            'switch_debounce, or a lower homing_velocity_fast'
+        )
 
     def _at_edge_of(self, limit: Limit) -> bool:
         """Return whether the axis is where a limit fell, and that is the home position."""
@@ -299,7 +311,8 @@ class Machine:
                     Failure(
                         Error.LSTriggered,
                         'a limit ahead was hit for the second time in this run',
-                        'is the home switch between the limits, and does it hold its level?',
+                        self._bounce_hint()
+                        or 'is the home switch between the limits, and does it hold its level?',
                     )
                 )
                 return

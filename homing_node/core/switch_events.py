@@ -34,6 +34,11 @@ class SwitchEvents:
             self._flags.add(edge)
         self._limits.remember(edge)
 
+    @property
+    def dismissed(self) -> float | None:
+        """How far behind its rise a fall was that was taken for a bounce, m; None: no fall."""
+        return self._flags.dismissed
+
     def on(self, switch: Input) -> bool:
         """Return whether a switch is wired and on."""
         return switch in self._switches and self._switches[switch].level is True

@@ -87,6 +87,14 @@ class AxisParameters(AxisFields):
         return 0.005 * self.homing_velocity_fast
 
     @property
+    def flag_bounce_distance(self) -> float:
+        """How close behind its rise a home switch's fall is taken for a bounce, m.
+
+        Of a debounced switch none is: its level has lasted.
+        """
+        return 0.0 if self.switch_debounce else self.bounce_distance
+
+    @property
     def edge_agreement(self) -> float:
         return self.edge_tolerance or self.bounce_distance
 
