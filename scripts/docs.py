@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Makes doc/types: a page for every home type, from the tables and from rehearsed runs."""
 
+import re
 from dataclasses import replace
-from io import BytesIO
+from io import StringIO
 from pathlib import Path
 
+from matplotlib import rc_context
 from matplotlib.figure import Figure
-from PIL import Image
 
 from homing_node.figures.diagram import mermaid
-from homing_node.figures.diagram_svg import svg
 from homing_node.figures.plot import POSITION_DIAGRAM, PROFILE, figure
 from homing_node.procedures.procedure import Procedure
 from homing_node.procedures.states import HomeType, LimitPair, State
@@ -23,8 +23,8 @@ FIGURES = TYPES / 'figures'
 
 LIMITS_PAGE = 'limit_switches_during_homing'
 
-#: Of a figure: enough for smooth text on its tints.
-COLOURS = 160
+#: A length in an SVG, but no opacity.
+LENGTH = re.compile(r'(?<!opacity: )-?\d+\.\d+')
 
 NOTICE = '<!-- Made by `make docs` from scripts/docs.py and homing_node/procedures. -->'
 
@@ -51,15 +51,8 @@ PAGE = """\
 What holds in every state (a normal limit switch, cancel, the timeout, lost feedback …) is not
 drawn.
 
-![State diagram of {home_type}](figures/{home_type}.svg)
-
-<details>
-<summary>The same in Mermaid</summary>
-
 ```mermaid
 {diagram}```
-
-</details>
 {runs}"""
 
 RUN = """
@@ -150,7 +143,6 @@ def page(procedure: Procedure) -> str:
     """Return the page of a home type; make its figures."""
     home_type = procedure.home_type
     example = EXAMPLES[home_type]
-    (FIGURES / f'{home_type}.svg').write_text(svg(procedure))
     runs = []
     for run in example.runs:
         drawn = figure(example.rehearse(run), example.layout, f'{home_type}, {run.title}')
@@ -218,13 +210,25 @@ def ahead(procedure: Procedure) -> str:
 
 
 def save(drawn: Figure, name: str) -> str:
-    """Write a small PNG; return its file's name."""
-    buffer = BytesIO()
-    drawn.savefig(buffer, dpi=150)
-    file = f'{name}.png'.replace(' ', '_').replace(',', '')
-    picture = Image.open(buffer).convert('RGB')
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(FIGURES / file, optimize=True)
+    """Write a figure; return its file's name."""
+    file = f'{name}.svg'.replace(' ', '_').replace(',', '')
+    (FIGURES / file).write_text(small_svg(drawn))
     return file
+
+
+def small_svg(drawn: Figure) -> str:
+    """Return a figure as SVG that any machine draws alike: lengths to a tenth of a point."""
+    buffer = StringIO()
+    with rc_context({'svg.fonttype': 'none', 'svg.hashsalt': 'homing_node'}):
+        drawn.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
+    needless = r'<!--.*?-->|<[?!][^>]*>|<metadata>.*?</metadata>'
+    text = re.sub(needless, '', buffer.getvalue(), flags=re.DOTALL).lstrip()
+    text = re.sub(r'<[^>]*>', lambda tag: LENGTH.sub(_rounded, tag[0]), text)
+    return re.sub(r'\s*\n\s*', '\n', text)
+
+
+def _rounded(found: re.Match[str]) -> str:
+    return f'{float(found[0]):.1f}'.removesuffix('.0')
 
 
 if __name__ == '__main__':

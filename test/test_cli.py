@@ -662,6 +662,9 @@ def test_a_run_of_a_rotary_axis_says_rad(capsys):
     status, out, _ = run(capsys, 'run', config, '--layout', PLANT, '--axis', 'x')
     assert status == 0 and ' m ' not in out
     assert 'home position 0.150000 rad (raw); true 0.150000 rad, off by' in out
+    config = write('short.yaml', {'x': demo(unit='rad', max_search_distance=0.03)})
+    status, out, _ = run(capsys, 'run', config, '--layout', PLANT, '--axis', 'x')
+    assert status == 1 and '0.03 rad (max_search_distance)' in out
 
 
 def test_a_closed_pipe_is_no_error():

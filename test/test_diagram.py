@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state diagrams say what the tables say, and so do the committed pages."""
 
+import importlib.util
 import re
 from collections import Counter
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,13 +12,16 @@ import pytest
 
 from homing_node.figures.diagram import arrows, bounds, boxes, mermaid
 from homing_node.figures.diagram_svg import svg
+from homing_node.figures.plot import figure
 from homing_node.procedures.motions import Kind
 from homing_node.procedures.procedure import Procedure
 from homing_node.procedures.states import HomeType, State
 from homing_node.procedures.steps import HOMED
 from homing_node.procedures.tables import PROCEDURES
+from homing_node.rehearsal.examples import EXAMPLES
 
-TYPES = Path(__file__).resolve().parent.parent / 'doc' / 'types'
+ROOT = Path(__file__).resolve().parent.parent
+TYPES = ROOT / 'doc' / 'types'
 every_type = pytest.mark.parametrize(
     'procedure', PROCEDURES.values(), ids=[str(home_type) for home_type in PROCEDURES]
 )
@@ -143,6 +147,34 @@ def test_boxes_do_not_overlap_in_svg(procedure: Procedure) -> None:
         assert x + width <= u or u + wide <= x or y + height <= v or v + tall <= y
 
 
+@every_type
+def test_no_label_covers_another_one_or_an_arrow(procedure: Procedure) -> None:
+    drawn = ElementTree.fromstring(svg(procedure))
+    labels = [_extent(each) for each in drawn.iter('{http://www.w3.org/2000/svg}text')]
+    for (one, a), (other, b) in combinations(labels, 2):
+        assert not _overlap(a, b), (one, other)
+    for path in drawn.iter('{http://www.w3.org/2000/svg}path'):
+        if path.get('marker-end'):
+            numbers = [float(number) for number in path.attrib['d'][1:].split()]
+            points = list(zip(numbers[::2], numbers[1::2], strict=True))
+            for (x, y), (u, v) in pairwise(points):
+                for text, extent in labels:
+                    assert not _overlap(extent, (min(x, u), min(y, v), max(x, u), max(y, v))), text
+
+
+def _extent(text: ElementTree.Element) -> tuple[str, tuple[float, float, float, float]]:
+    """Return a text, and its left, top, right and bottom; letters are 0.6 of their size wide."""
+    x, y, size = (float(text.attrib[key]) for key in ('x', 'y', 'font-size'))
+    words = text.text or ''
+    width = 0.6 * size * len(words)
+    left = x - {'start': 0.0, 'middle': width / 2, 'end': width}[text.attrib['text-anchor']]
+    return words, (left, y - 0.75 * size, left + width, y + 0.2 * size)
+
+
+def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
 def _texts(document: str) -> list[str]:
     drawn = ElementTree.fromstring(document)
     return [each.text or '' for each in drawn.iter('{http://www.w3.org/2000/svg}text')]
@@ -157,8 +189,28 @@ def test_page_shows_the_table_as_it_is(procedure: Procedure) -> None:
     assert f'```mermaid\n{mermaid(procedure)}```\n' in page, 'run make docs'
     assert f'\n\n{procedure.words}\n\n' in page, 'run make docs'
     assert f'\n| Home position | {procedure.home} |\n' in page, 'run make docs'
-    picture = TYPES / 'figures' / f'{procedure.home_type}.svg'
-    assert picture.read_text() == svg(procedure), 'run make docs'
+
+
+@pytest.fixture(scope='module')
+def docs():
+    """The script that makes the pages."""
+    spec = importlib.util.spec_from_file_location('docs', ROOT / 'scripts' / 'docs.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@every_type
+def test_a_figure_shows_the_run_as_it_is(docs, procedure: Procedure) -> None:
+    """One run of each type, in turn another one: all are drawn by the same code."""
+    home_type = procedure.home_type
+    example = EXAMPLES[home_type]
+    run = example.runs[list(PROCEDURES).index(home_type) % len(example.runs)]
+    drawn = figure(example.rehearse(run), example.layout, f'{home_type}, {run.title}')
+    name = f'{home_type}_{run.title}.svg'.replace(' ', '_').replace(',', '')
+    committed = (TYPES / 'figures' / name).read_text()
+    assert docs.small_svg(drawn) == committed, 'run make docs'
+    assert ElementTree.fromstring(committed).tag == '{http://www.w3.org/2000/svg}svg'
 
 
 def test_page_on_limit_switches_shows_the_table_as_it_is() -> None:

@@ -422,7 +422,7 @@ class Machine:
     # ------------------------------------------------------------------------------------ endings
 
     def _give_up(self, error: Error, message: str) -> None:
-        self.ending.begin(error, message)
+        self.ending.begin(error, self.parameters.unit.in_message(message))
         self._end_pause()
 
     def _end_pause(self) -> None:

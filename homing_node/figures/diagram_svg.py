@@ -260,12 +260,14 @@ def _vertical(columns: Columns, links: list[Arrow], places: dict[str, Place]) ->
     """Draw the arrows between neighbours in the middle column."""
     for upper, lower in pairwise(columns.middle):
         between = [link for link in links if {link.source, link.target} == {upper, lower}]
-        for n, link in enumerate(between):
-            shift = 14.0 * (2 * n - len(between) + 1)
-            x = places[upper].middle + shift
-            ends = [(x, places[upper].bottom), (x, places[lower].y)]
-            yield _line(*(ends if link.source == upper else ends[::-1]))
-            yield _label(x, sum(y for _, y in ends) / 2 + 4, link.label, left=shift < 0.0)
+        left, right = between[: len(between) // 2], between[len(between) // 2 :]
+        for side, here in ((-1, left), (1, right)):
+            x = places[upper].middle + (side * 14.0 if left else 0.0)
+            for link in here:
+                ends = [(x, places[upper].bottom), (x, places[lower].y)]
+                yield _line(*(ends if link.source == upper else ends[::-1]))
+                yield _label(x, sum(y for _, y in ends) / 2 + 4, link.label, left=side < 0)
+                x += side * (LETTER * SMALL * len(link.label) + 21.0)  # clear of the label
 
 
 def _sideways(

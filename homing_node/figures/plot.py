@@ -6,8 +6,6 @@ across the position diagram, named beside it. Whatever a colour tells is written
 """
 
 from collections.abc import Iterator, Sequence
-from functools import cache
-from itertools import count, groupby
 from math import ceil, floor, inf, isfinite
 from os import PathLike
 from pathlib import Path
@@ -19,12 +17,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.textpath import TextPath
 from matplotlib.ticker import MaxNLocator
 
 from ..course import Course, Sample
 from ..plant.layout import AxisLayout
 from ..procedures.states import LATCHES, LIMIT_SWITCHES, Input, State, TextEnum
+from .labels import Label, draw_labels
 from .palette import (
     BLUE,
     DARK_GREEN,
@@ -37,8 +35,9 @@ from .palette import (
     LIGHT_GREY,
     PURPLE,
     VERMILLION,
-    state_colour,
 )
+from .sheet import INNER, LARGE, LEFT, LINE, NORMAL, POINTS, SMALL, STRIP, WIDTH
+from .state_strip import bands_of, draw_names, place_names
 
 
 class Panel(TextEnum):
@@ -57,14 +56,8 @@ WHOLE = POSITION_DIAGRAM + PROFILE
 TINT = {Panel.POSITION: 0.09, Panel.VELOCITY: 0.17, Panel.ACCELERATION: 0.17}
 
 # Lengths on the sheet: in.
-WIDTH, LEFT, RIGHT = 7.9, 0.70, 1.85
-INNER = WIDTH - LEFT - RIGHT
 HEIGHTS = {Panel.POSITION: 2.8, Panel.VELOCITY: 1.1, Panel.ACCELERATION: 1.1}
-TITLE, STRIP, GAP, TIME_AXIS, LEGEND = 0.34, 0.19, 0.09, 0.40, 0.17
-# Lengths on the sheet: points.
-POINTS = 72.0
-SMALL, NORMAL, LARGE = 7.5, 8.5, 10.5
-LINE = 11.0
+TITLE, GAP, TIME_AXIS, LEGEND = 0.34, 0.09, 0.40, 0.17
 
 #: A course shorter than this part of its axis is shown closely.
 CLOSE = 0.3
@@ -72,31 +65,11 @@ CLOSE = 0.3
 MARKS = 60
 
 
-class Band(NamedTuple):
-    """A stretch of time in one home state, s since the run began."""
-
-    begin: float
-    end: float
-    state: str
-
-    @property
-    def colour(self) -> str:
-        return state_colour(self.state)
-
-
 class Scale(NamedTuple):
     """What a length in SI is multiplied with, and the unit in which it is shown then."""
 
     factor: float
     unit: str
-
-
-class Label(NamedTuple):
-    """What stands beside a panel, and the height (as in the panel) that it names."""
-
-    height: float
-    text: str
-    colour: str
 
 
 def figure(
@@ -115,8 +88,8 @@ def figure(
     samples = course.samples
     begin = samples[0].time if samples else 0.0
     end = (samples[-1].time - begin if samples else 0.0) or 1.0
-    bands = list(_bands(samples))
-    names = _place_names(bands, end)
+    bands = list(bands_of(samples))
+    names = place_names(bands, end)
     view = _view(course, layout)
     scale = Scale(1e3, 'mm') if unit == 'm' and view[1] - view[0] < 2.0 else Scale(1.0, unit)
 
@@ -138,7 +111,7 @@ def figure(
         return made
 
     level = height - top
-    _draw_names(axes(level, STRIP), bands, names)
+    draw_names(axes(level, STRIP), bands, names)
     for panel in panels:
         level -= GAP + HEIGHTS[panel]
         one = axes(level, HEIGHTS[panel])
@@ -191,21 +164,6 @@ def save(
 # ------------------------------------------------------------------------------- what is shown
 
 
-def _bands(samples: Sequence[Sample]) -> Iterator[Band]:
-    """Yield the home states that a run went through."""
-    if not samples:
-        return
-    begin = samples[0].time
-    starts = [
-        (state, next(stretch).time - begin)
-        for state, stretch in groupby(samples, key=lambda sample: sample.state)
-    ]
-    ends = [*(start for _, start in starts[1:]), samples[-1].time - begin]
-    for (state, start), end in zip(starts, ends, strict=True):
-        if state != State.Idle:
-            yield Band(start, end, state)
-
-
 def _view(course: Course, layout: AxisLayout | None) -> tuple[float, float]:
     """Return the lowest and the highest position to show, raw: the axis, or the course alone.
 
@@ -253,76 +211,6 @@ def _time_of_home(course: Course, home: float, begin: float, span: float) -> flo
     return max(at_home, default=shift) - begin
 
 
-# -------------------------------------------------------------------------- the names of states
-
-
-class Name(NamedTuple):
-    """Where a state's name stands: the middle of the text in s, lines above the strip."""
-
-    middle: float
-    level: int
-
-
-@cache
-def _text_width(text: str, size: float) -> float:
-    """Return the width of a text, points; measuring one takes 30 ms."""
-    return float(TextPath((0.0, 0.0), text, size=size).get_extents().width)
-
-
-def _place_names(bands: Sequence[Band], end: float) -> list[Name]:
-    """Put each name into its band (level 0) or, where that is too short, on a free line above.
-
-    No name covers another one or the stroke that ties another one to its band: from right to
-    left, each goes to the lowest line where it can stand over its band or begin there.
-    """
-    point = end / (INNER * POINTS)
-    middles = [(band.begin + band.end) / 2 for band in bands]
-    widths = [(_text_width(band.state, SMALL) + 6.0) * point for band in bands]
-    inside = [width <= band.end - band.begin for band, width in zip(bands, widths, strict=True)]
-    strokes = [middle for middle, fits in zip(middles, inside, strict=True) if not fits]
-    names: list[Name] = []
-    taken: list[tuple[int, float, float, float]] = []  # line, left and right end, stroke
-    for middle, width, fits in zip(
-        reversed(middles), reversed(widths), reversed(inside), strict=True
-    ):
-        if fits:
-            names.append(Name(middle, 0))
-            continue
-        strokes.pop()
-        level, left = next(
-            (level, left)
-            for level in count(1)
-            for left in (max(0.0, middle - width / 2), middle)
-            if left + width <= end + RIGHT * POINTS * point
-            and not any(left < stroke < left + width for stroke in strokes)
-            and not any(
-                left < stroke < left + width for line, _, _, stroke in taken if line > level
-            )
-            and not any(left < b and a < left + width for line, a, b, _ in taken if line == level)
-        )
-        taken.append((level, left, left + width, middle))
-        names.append(Name(left + width / 2, level))
-    return names[::-1]
-
-
-def _draw_names(strip: Axes, bands: Sequence[Band], names: Sequence[Name]) -> None:
-    strip.set(ylim=(0.0, 1.0), xticks=[], yticks=[])
-    line = LINE / POINTS / STRIP
-    for band, name in zip(bands, names, strict=True):
-        strip.axvspan(band.begin, band.end, facecolor=band.colour, edgecolor=GREY, lw=0.5)
-        y = 0.46 if name.level == 0 else 1.1 + (name.level - 0.5) * line
-        strip.text(name.middle, y, band.state, size=SMALL, color=INK, ha='center', va='center')
-        if name.level:
-            middle = (band.begin + band.end) / 2
-            strip.plot(
-                [middle, middle],
-                [0.5, 1.1 + (name.level - 0.9) * line],
-                color=INK,
-                lw=0.5,
-                clip_on=False,
-            )
-
-
 # ---------------------------------------------------------------------------- the axis's picture
 
 
@@ -347,8 +235,9 @@ def _draw_position(
         legend += _draw_index(axes, layout, view, k)
 
     times = [sample.time - begin for sample in samples]
-    apart = max((abs(s.position - s.feedback) for s in samples), default=0.0)
-    if apart > 0.03 * (view[1] - view[0]):
+    furthest = max((abs(s.position - s.feedback) for s in samples), default=0.0)
+    apart = furthest > 0.03 * (view[1] - view[0])
+    if apart:
         legend += axes.plot(
             times,
             [s.position * k for s in samples],
@@ -358,7 +247,10 @@ def _draw_position(
             zorder=4,
             label='command',
         )
-    axes.plot(times, [s.feedback * k for s in samples], color=INK, lw=1.5, zorder=5)
+    feedback = [s.feedback * k for s in samples]
+    shown = axes.plot(times, feedback, color=INK, lw=1.5, zorder=5, label='feedback')
+    if apart:
+        legend += shown
 
     edges = list(_switch_edges(course, layout, begin))
     for on, face, text in ((True, INK, 'switch turns on'), (False, 'white', 'switch turns off')):
@@ -381,7 +273,7 @@ def _draw_position(
     else:
         axes.text(0.5, 0.5, 'no motion', transform=axes.transAxes, ha='center', color=GREY)
     labels += _draw_outcome(axes, course, begin, view, scale, legend)
-    _draw_labels(axes, labels, low, high)
+    draw_labels(axes, labels, low, high, HEIGHTS[Panel.POSITION])
     return legend
 
 
@@ -484,49 +376,6 @@ def _draw_outcome(
         label='home position taken',
     )
     yield Label(home * k, f'home {home * k:.3f} {scale.unit}', DARK_GREEN)
-
-
-def _draw_labels(axes: Axes, labels: Sequence[Label], low: float, high: float) -> None:
-    """Write labels right of the panel, apart from each other, each tied to its height."""
-    points = HEIGHTS[Panel.POSITION] * POINTS / (high - low)
-    ordered = sorted(label for label in labels if low <= label.height <= high)
-    spread = _spread([(label.height - low) * points for label in ordered], LINE)
-    for label, place in zip(ordered, spread, strict=True):
-        axes.annotate(
-            label.text,
-            (1.0, label.height),
-            xycoords=('axes fraction', 'data'),
-            xytext=(14.0, place - (label.height - low) * points),
-            textcoords='offset points',
-            size=SMALL,
-            color=label.colour,
-            va='center',
-            annotation_clip=False,
-            arrowprops={
-                'arrowstyle': '-',
-                'color': label.colour,
-                'lw': 0.6,
-                'shrinkA': 0.0,
-                'shrinkB': 0.0,
-                'relpos': (0.0, 0.5),
-            },
-        )
-
-
-def _spread(heights: Sequence[float], gap: float) -> list[float]:
-    """Move ascending heights as little as it takes to be ``gap`` apart."""
-    clusters: list[list[float]] = []  # of those that touch: each one's height less its place
-    for place, height in enumerate(heights):
-        clusters.append([height - place * gap])
-        while len(clusters) > 1 and _mean(clusters[-2]) >= _mean(clusters[-1]):
-            last = clusters.pop()
-            clusters[-1] += last
-    levels = [_mean(cluster) for cluster in clusters for _ in cluster]
-    return [level + place * gap for place, level in enumerate(levels)]
-
-
-def _mean(values: Sequence[float]) -> float:
-    return sum(values) / len(values)
 
 
 # ----------------------------------------------------------------------------------- the profile
