@@ -139,11 +139,6 @@ class Axis:
     # ----------------------------------------------------------------------------------- requests
 
     @property
-    def known(self) -> bool:
-        """Whether a feedback was ever received."""
-        return self.readings.known
-
-    @property
     def running(self) -> bool:
         return self.machine is not None
 
@@ -160,18 +155,18 @@ class Axis:
     def refusal(self, now: float) -> Outcome | None:
         """Return why a run cannot start now, None if it can."""
         if self.machine is not None:
-            return self._refused(Error.Busy, f'homing is in progress ({self.machine.state})')
+            return self._failed(Error.Busy, f'homing is in progress ({self.machine.state})')
         if self.emergency_stop:
-            return self._refused(Error.EmergencyStop, 'the emergency stop is on')
+            return self._failed(Error.EmergencyStop, 'the emergency stop is on')
         if not self.servo_on:
-            return self._refused(
+            return self._failed(
                 Error.ServoOff, 'the servo was switched off; switch it on by the servo service'
             )
         problems = self.parameters.cross_check()
         if problems:
-            return self._refused(Error.InvalidParameter, '; '.join(problems))
+            return self._failed(Error.InvalidParameter, '; '.join(problems))
         unready = self.readings.unready(now, self.parameters.joint or self.name)
-        return None if unready is None else self._refused(*unready[:2])
+        return None if unready is None else self._failed(*unready[:2])
 
     def home(self, now: float) -> Outcome | None:
         """Start a run; return why it cannot start, None if it has started."""
@@ -219,11 +214,8 @@ class Axis:
 
     def abort(self, error: Error, message: str) -> None:
         """End the run at once, without a stop: its own code has failed."""
-        self.machine = None
-        self.homed = False
         self._rest = None
-        self.outcome = Outcome(error, f'axis {self.name}: {message}')
-        self.history.add(error, 0.0)
+        self._end(self._failed(error, message))
 
     def cycle_was_late(self, since: float, message: str) -> None:
         """End a run that was in progress at ``since``, the time of the last cycle, with CycleLate.
@@ -399,10 +391,7 @@ class Axis:
             return self._setpoint(now)
         for text in readings.bounce_warnings():
             machine.warn(text)
-        self.outcome = outcome_of(machine, self.name)
-        self.history.add(self.outcome.error, self.outcome.home_position_raw)
-        self.homed = self.outcome.success
-        self.machine = None
+        self._end(outcome_of(machine, self.name))
         if machine.ending.servo_off:
             self.servo_on = False
         self._rest = (
@@ -412,7 +401,12 @@ class Axis:
         )
         return self._setpoint(now) if self._moved and not machine.ending.silent else None
 
-    def _refused(self, error: Error, text: str) -> Outcome:
+    def _end(self, outcome: Outcome) -> None:
+        self.machine = None
+        self.outcome, self.homed = outcome, outcome.success
+        self.history.add(outcome.error, outcome.home_position_raw)
+
+    def _failed(self, error: Error, text: str) -> Outcome:
         return Outcome(error, f'axis {self.name}: {text}')
 
     def _fail(self, error: Error, text: str, action: Action | None = None) -> None:

@@ -125,7 +125,7 @@ class PositionSetpoints:
     def unready(self) -> Outcome | None:
         """Return which axis has no feedback yet: the array has a position of each axis."""
         for axis in self._axes.values():
-            if not axis.known:
+            if not axis.readings.known:
                 return Outcome(Error.FeedbackStale, f'axis {axis.name}: no feedback yet')
         return None
 
