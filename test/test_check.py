@@ -1181,7 +1181,6 @@ def test_the_way_off_the_home_switch_ends_at_the_hard_stop_where_the_check_says_
             'probe-unreachable',
             'repeat-off-switch',
             'hard-stop',
-            'end-too-early',
             'end-unguarded',
         )
         and case.severity is ERROR

@@ -266,7 +266,8 @@ def test_invariants(home_type, data):
     if error_of(course) is Error.NoError:
         found, unsure = home_of(course), course.outcome.uncertainty
         fastest = p.homing_velocity_fast
-        assert unsure <= fastest / scenario.one.transport.feedback_rate * (1 + 1e-6) + 1e-12
+        open_for = p.switch_stamp_error + 1.0 / scenario.one.transport.feedback_rate
+        assert unsure <= fastest * open_for * (1 + 1e-6) + 1e-12
         assert min(abs(found - home) for home in true_homes(scenario)) <= unsure + 1e-7
         assert course.samples[-1].position == pytest.approx(
             found + p.home_shift_distance, abs=1e-12

@@ -115,6 +115,10 @@ DEFAULTS = {
     'repeat': 1,
     'repeat_tolerance': 0.0,
     'switch_stamp_error': 0.002,
+    'feedback_clock': 'auto',
+    'wrap': 0.0,
+    'wrap_setpoints': False,
+    'rest_timeout': 1.0,
 }
 RATIOS = ('z_pulse_distance_tolerance', 'index_margin')
 REALS = [name for name, definition in DEFINITIONS.items() if definition.kind is float]
@@ -471,7 +475,11 @@ def test_every_type_can_be_set_up(home_type, home_direction):
 def test_computed_bounds():
     made = built()
     assert made.search_distance == pytest.approx(0.44)
-    assert made.following_error_limit == pytest.approx(0.025)
+    assert made.following_error_limit == pytest.approx(0.0035)  # 0.05 s at 0.05 m/s and 1 mm
+    assert made.following_error_at(-0.01) == pytest.approx(0.0015)
+    assert made.settling_tolerance == 0.001
+    assert built(travel=0.05).settling_tolerance == pytest.approx(0.0005)
+    assert built(travel=3.0, unit='rad').settling_tolerance == pytest.approx(0.03)
     assert made.wrong_direction_limit == pytest.approx(0.004)
     assert made.edge_agreement == pytest.approx(0.00025)
     made = built(

@@ -2,6 +2,7 @@
 """Groups of axes: order, failure, cancellation."""
 
 import pytest
+from core_rig import rig
 
 from homing_node.core.outcome import Outcome
 from homing_node.core.request import Request
@@ -19,6 +20,7 @@ class FakeAxis:
         self.canceled = 0
         self.runs = 0
         self.state = State.Idle
+        self.parameters = rig('HS').parameters()
 
     def refusal(self, now):
         return self.refused
@@ -166,3 +168,66 @@ def test_abandon(axes):
     assert request.done
     assert errors(request) == {'x': 'NoError', 'y': 'Canceled', 'z': 'Canceled'}
     assert request.outcomes['y'].message == 'axis y: because'
+
+
+# -- waiting until the axes are ready -----------------------------------------------------------
+
+
+def moving(name):
+    return Outcome(Error.AxisMoving, f'axis {name}: the axis moves at 0.1 m/s')
+
+
+def test_a_request_waits_until_the_axis_rests(axes):
+    axes['z'].refused = moving('z')
+    request = Request([['z'], ['x']], axes, 'owner', ready)
+    request.start(1.0)
+    assert request.pending
+    assert not request.done
+    assert not request.update(1.5)
+    assert running(axes) == ''
+    axes['z'].refused = None
+    assert not request.update(1.9)
+    assert running(axes) == 'z'
+    assert not request.pending
+
+
+def test_an_axis_that_does_not_come_to_rest_is_refused(axes):
+    axes['z'].refused = moving('z')
+    request = Request([['z'], ['x']], axes, 'owner', ready)
+    request.start(1.0)
+    assert not request.update(1.999)
+    assert request.update(2.0)
+    assert errors(request) == {'z': 'AxisMoving', 'x': 'Canceled'}
+    assert request.outcomes['z'].message.endswith('0.1 m/s, after waiting for 1 s')
+
+
+def test_what_is_wrong_is_refused_at_once_though_another_axis_moves(axes):
+    axes['x'].refused = moving('x')
+    axes['y'].refused = Outcome(Error.ServoOff, 'off')
+    request = Request([['x', 'y']], axes, 'owner', ready)
+    request.start(1.0)
+    assert request.done
+    assert not request.pending
+
+
+def test_a_request_that_waits_can_be_canceled(axes):
+    axes['z'].refused = moving('z')
+    request = Request([['z']], axes, 'owner', ready)
+    request.start(1.0)
+    request.cancel(['z'])
+    assert request.update(1.1)
+    assert errors(request) == {'z': 'Canceled'}
+
+
+@pytest.mark.parametrize('error', [Error.SwitchUnknown, Error.FeedbackStale])
+def test_missing_inputs_are_waited_for(axes, error):
+    missing = {'z': Outcome(error, 'axis z: no message yet')}
+    request = Request([['z']], axes, 'owner', missing.get, ready_timeout=5.0)
+    request.start(0.0)
+    assert not request.update(4.9)
+    del missing['z']
+    assert not request.update(4.95)
+    assert running(axes) == 'z'
+    impatient = Request([['x']], axes, 'owner', lambda _: Outcome(error, ''))
+    impatient.start(0.0)
+    assert impatient.done

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_node.core.signals import FINEST, TRACK_LENGTH, Edge, Mark, Switch, Track
+from homing_node.core.signals import FINEST, Edge, Mark, Switch
+from homing_node.core.track import TRACK_LENGTH, Track
 from homing_node.core.travel import Leg
 from homing_node.procedures.motions import Way
 from homing_node.procedures.states import Input
@@ -47,27 +48,30 @@ def test_velocity_and_interval_of_the_newest_samples():
 
 
 @pytest.mark.parametrize(
-    ('time', 'around'),
-    [
-        (-1.0, (0.0, 1.0)),  # before the record
-        (0.0, (0.0, 1.0)),
-        (0.5, (0.0, 1.0)),
-        (1.0, (1.0, 2.0)),
-        (1.5, (1.0, 2.0)),
-        (2.0, (2.0, 4.0)),
-        (4.0, (4.0, 6.0)),
-        (6.0, (4.0, 6.0)),
-        (6.5, None),
-    ],
+    ('time', 'position'),
+    [(-1.0, 0.0), (0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (3.0, 1.5), (4.0, 2.0), (6.0, 4.0)],
 )
-def test_the_samples_around_a_time(time, around):
-    one = track(*((t, t) for t in (0.0, 1.0, 2.0, 4.0, 6.0)))
-    assert one.around(time) == (around and tuple((t, t) for t in around))
+def test_the_position_at_a_time(time, position):
+    one = track((0.0, 0.0), (1.0, 1.0), (2.0, 1.0), (4.0, 2.0), (6.0, 4.0))
+    assert one.covers(time)
+    assert one.at(time) == position
 
 
-def test_nothing_is_around_a_time_without_two_samples():
-    assert track().around(0.0) is None
-    assert track((0.0, 1.0)).around(0.0) is None
+def test_a_time_behind_the_newest_reading_is_not_covered():
+    assert not track((0.0, 0.0), (1.0, 1.0)).covers(1.5)
+
+
+def test_a_time_is_not_covered_without_two_readings():
+    assert not track().covers(0.0)
+    assert not track((0.0, 1.0)).covers(0.0)
+
+
+def test_the_extent_between_two_times_knows_a_turn_between_them():
+    one = track((0.0, 0.0), (1.0, 1.0), (2.0, 3.0), (3.0, 1.0), (4.0, -1.0))
+    assert one.extent(0.5, 0.5) == (0.5, 0.5)
+    assert one.extent(0.5, 1.5) == (0.5, 2.0)
+    assert one.extent(1.5, 2.5) == (2.0, 3.0)
+    assert one.extent(0.5, 3.5) == (0.0, 3.0)
 
 
 def test_spread():
@@ -106,17 +110,15 @@ def test_two_equal_samples_do_not_make_an_edge_certain():
     assert edge.uncertainty == pytest.approx(1.0)  # 0.5 s at 1 m/s and a corner: an interval
 
 
-def test_the_time_of_an_arrival_may_be_off_by_more_than_an_interval():
-    moving = track((0.0, 0.0), (1e-9, 1e-12), (1.0, 1.0), (2.0, 2.0), (3.0, 3.0))
-    for stamped, uncertainty in ((True, 1.0), (False, 5.0)):
-        edge = Edge(HS, 1.5, True, 5.0, stamped)
-        edge.locate(moving)
-        assert edge.uncertainty == pytest.approx(uncertainty, abs=1e-6)
+def test_a_doubtful_time_is_not_capped_by_an_interval_of_the_feedback():
+    edge = Edge(HS, 1.5, True, doubt=5.0)
+    edge.locate(track((0.0, 0.0), (1e-9, 1e-12), (1.0, 1.0), (2.0, 2.0), (3.0, 3.0)))
+    assert edge.uncertainty == pytest.approx(5.0, abs=1e-6)
 
 
 def test_samples_that_came_together_do_not_make_the_axis_quick():
     """Their times are those of their arrival: 1 m/s, though two are 1 ms apart."""
-    edge = Edge(HS, 1.5, True, 1.0, stamped=False)
+    edge = Edge(HS, 1.5, True, doubt=1.0)
     edge.locate(track((0.0, 0.0), (1.0, 1.0), (2.0, 2.0), (2.001, 3.0)))
     assert edge.uncertainty < 4.0
 
@@ -324,12 +326,12 @@ def test_a_bounce_whose_messages_come_apart_begins_at_its_first_edge():
     """Between two of its messages passes more than the debounce, between its edges less."""
     switch = Switch(HS, debounce=0.003)
     switch.set(0.0, False, 0.0)
-    assert switch.set(1.0, True, 1.004, doubt=0.1, stamped=False) is None
+    assert switch.set(1.0, True, 1.004, doubt=0.1) is None
     assert switch.set(1.0012, False, 1.005) is None
     assert switch.poll(1.0085) is None
     assert switch.set(1.0024, True, 1.010) is None
     edge = switch.poll(1.014)
-    assert (edge.time, edge.rises, edge.doubt, edge.stamped) == (1.0, True, 0.1, False)
+    assert (edge.opening.end, edge.rises, edge.opening.doubt) == (1.0, True, 0.1)
 
 
 def test_reordered_messages_do_not_lose_the_level():

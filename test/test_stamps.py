@@ -4,6 +4,7 @@
 import pytest
 
 from homing_node.core.stamps import AGREEMENT, BEHIND, FALLBACK_DOUBT, RETURNED, Stamps
+from homing_node.procedures.states import FeedbackClock
 
 LIMIT = 0.2
 
@@ -97,9 +98,49 @@ def test_one_quick_message_shows_that_the_others_were_slow():
     assert stamps.believe(1.2, 1.25) == (1.2, 0.0)
 
 
-def test_a_sample_may_be_older_than_its_message():
-    """A driver that samples and sends later says so with its stamps."""
-    assert Stamps(LIMIT).believe(1.0, 1.101, sent=1.1) == (1.0, 0.0)
+@pytest.mark.parametrize('lag', [0.05, 0.1, 0.2, 0.9])
+def test_a_header_behind_its_message_has_two_readings(lag):
+    """A slow sampling, or another clock: the doubt covers both."""
+    stamps = Stamps(LIMIT)
+    for sent in (1.0, 1.01, 1.02):
+        time, doubt = stamps.believe(sent - lag, sent + 0.001, sent)
+        assert time - doubt <= sent - lag + 1e-9
+        assert time + doubt >= sent - 1e-9
+        assert doubt <= 0.5 * lag + 1e-9
+    assert f'{lag:.3f} s behind' in stamps.warning
+    assert 'feedback_clock' in stamps.warning
+
+
+def test_a_header_ahead_of_its_message_is_of_another_clock():
+    stamps = Stamps(LIMIT)
+    assert stamps.believe(1.2, 1.001, sent=1.0) == (1.0, FALLBACK_DOUBT)
+    assert '0.200 s ahead' in stamps.warning
+
+
+def test_a_header_that_is_hours_behind_is_of_another_clock():
+    assert Stamps(LIMIT).believe(1.0, 3600.0, sent=3600.0) == (3600.0, FALLBACK_DOUBT)
+
+
+def test_one_prompt_message_shows_that_the_header_is_the_sampling_time():
+    stamps = Stamps(LIMIT)
+    assert stamps.believe(1.0, 1.031, sent=1.03)[1] == pytest.approx(0.015)
+    assert stamps.believe(2.0, 2.006, sent=2.005) == (2.0, 0.0)
+    assert stamps.warning == ''
+    assert stamps.believe(3.0, 3.031, sent=3.03) == (3.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ('clock', 'lag', 'time'),
+    [
+        (FeedbackClock.arrival, 0.1, 1.0),
+        (FeedbackClock.arrival, -0.1, 1.0),
+        (FeedbackClock.stamp, 0.1, 0.9),
+    ],
+)
+def test_the_user_may_say_which_reading_is_right(clock, lag, time):
+    stamps = Stamps(LIMIT)
+    assert stamps.believe(1.0 - lag, 1.001, 1.0, clock) == (time, 0.0)
+    assert stamps.warning == ''
 
 
 def test_a_clock_of_which_a_message_was_too_late_is_one_that_disagrees():

@@ -15,8 +15,8 @@ def broken(leg, command, feedback, **changes):
     """Return the error of the rule that a leg of the first search breaks, None: none."""
     parameters = rig('HS', **changes).parameters()
     rules = Rules(parameters, 0.0)
-    rules.enter(parameters.procedure.rows[parameters.procedure.first])
-    fault = rules.broken(leg, command, feedback, 0.0)
+    rules.enter(parameters.procedure.rows[parameters.procedure.first], 0.0, 0.0)
+    fault = rules.broken(leg, command, feedback, 0.0, 0.0)
     return fault and fault.error
 
 

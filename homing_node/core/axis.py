@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import LIMIT_SWITCHES, Error, Input, LimitPair, State
+from ..procedures.states import LATCHES, LIMIT_SWITCHES, Error, Input, LimitPair, State
 from .edge_queue import EdgeQueue
 from .history import History
 from .limits import Action
@@ -22,7 +22,8 @@ from .readings import Readings
 from .result import outcome_of
 from .series_limits import SeriesLimits
 from .settling import Rest, Settling
-from .signals import Edge, Track
+from .signals import Edge
+from .track import Track
 
 #: The command of a cycle, raw: position, velocity and acceleration in m, m/s, m/s^2 (or rad ...).
 Setpoint = tuple[float, float, float]
@@ -97,7 +98,10 @@ class Axis:
             arrival: when its message arrived, s; by default ``time``.
             doubt: how far ``time`` may be wrong, s; 0 if it is a stamp that is trusted.
         """
-        self.readings.feedback(time, position, time if arrival is None else arrival, doubt)
+        arrival = time if arrival is None else arrival
+        failure = self.readings.feedback(time, position, arrival, doubt)
+        if failure is not None and self.machine is not None:
+            self.machine.fail(failure)
 
     def switch(
         self,
@@ -125,7 +129,7 @@ class Axis:
         """Record a latched raw position; one that is not finite or not wired is ignored."""
         wired = source in self.parameters.inputs
         if self.machine is not None and wired and math.isfinite(position):
-            self.machine.latch(source, self._sign * position)
+            self.machine.latch(source, self._sign * self.readings.unwrapped(position))
 
     def enable(self, enabled: bool) -> None:
         """Record the drive's own servo state; a servo that goes off ends a run."""
@@ -166,6 +170,7 @@ class Axis:
         if problems:
             return self._failed(Error.InvalidParameter, '; '.join(problems))
         unready = self.readings.unready(now, self.parameters.joint or self.name)
+        unready = unready or self.readings.motion()
         return None if unready is None else self._failed(*unready[:2])
 
     def home(self, now: float) -> Outcome | None:
@@ -257,6 +262,7 @@ class Axis:
     def update(self, now: float) -> Setpoint | None:
         """Advance by one period; return the setpoint if a run moves the axis."""
         readings = self.readings
+        readings.moving = self.profile.velocity != 0.0
         if readings.unsettled:
             self._settle_switches(now)
         machine = self.machine
@@ -268,8 +274,11 @@ class Axis:
         if now - readings.arrival > p.feedback_timeout or p.switch_timeout:
             self._test_inputs(now)
         track = readings.track
-        self._edges.update(machine, self._commands if p.open_loop_homing else track)
-        machine.update(now, track.position)
+        if self._homes_on_command:
+            self._edges.update(machine, self._commands, track)
+        else:
+            self._edges.update(machine, track)
+        machine.update(now, track.position, track.interval)
         if machine.finished:
             return self._finish(now)
         profile = self.profile
@@ -310,7 +319,7 @@ class Axis:
     @property
     def hold_position(self) -> float:
         """The raw command that keeps the axis where it rests, m or rad."""
-        return self._sign * self._start_command()
+        return self.readings.wrapped(self._sign * self._start_command())
 
     @property
     def paused(self) -> bool:
@@ -376,22 +385,48 @@ class Axis:
 
     def _setpoint(self, now: float) -> Setpoint:
         profile, sign = self.profile, self._sign
-        if self.parameters.open_loop_homing:
+        if self._homes_on_command:
             self._commands.append(now + self.period, profile.position)
-        return sign * profile.position, sign * profile.velocity, sign * profile.acceleration
+        position = self.readings.wrapped(sign * profile.position)
+        return position, sign * profile.velocity, sign * profile.acceleration
+
+    @property
+    def _homes_on_command(self) -> bool:
+        """Whether edges are located on the command: only where an edge is the reference.
+
+        A latched position is a feedback position, and so is the edge that arms it.
+        """
+        p = self.parameters
+        return p.open_loop_homing and not p.procedure.inputs.intersection(LATCHES)
 
     def _finish(self, now: float) -> Setpoint | None:
         """End the run as soon as the feedback has settled after the command."""
         machine = self.machine
         assert machine is not None
-        readings, slow = self.readings, self.parameters.homing_velocity_slow
-        settled = self._settling.over(now, readings.track, slow)
-        follows = self._moved and not machine.ending.silent and readings.feedback_is_fresh(now)
-        if follows and not settled:
+        p, readings = self.parameters, self.readings
+        behind = self.profile.position - readings.track.position
+        followed = not self._moved or abs(behind) <= p.settling_tolerance
+        failed = machine.ending.error is not Error.NoError
+        settled = self._settling.over(
+            now, readings.track, p.homing_velocity_slow, followed or failed
+        )
+        watched = self._moved and not machine.ending.silent and readings.feedback_is_fresh(now)
+        if watched and not settled:
             return self._setpoint(now)
-        for text in readings.bounce_warnings():
+        if not (followed or failed):
+            machine.fail(
+                Failure(
+                    Error.FollowingError,
+                    f'command - feedback is {behind:.6g} m at rest, more than '
+                    f'{p.settling_tolerance:.6g} m',
+                    'is the axis jammed, or its drive too weak?',
+                )
+            )
+        for text in readings.warnings(machine.passes.fine):
             machine.warn(text)
-        self._end(outcome_of(machine, self.name))
+        self._end(outcome_of(machine, self.name, readings.finest))
+        if watched:
+            readings.settled = readings.track.time
         if machine.ending.servo_off:
             self.servo_on = False
         self._rest = (

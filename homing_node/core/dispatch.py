@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 from ..procedures.states import Error
 from .axis import Axis
 from .outcome import Outcome
-from .request import Request
+from .request import MISSING, Request
 
 #: What a client waits with.
 Waiter = TypeVar('Waiter')
@@ -21,7 +21,8 @@ class Dispatch(Generic[Waiter]):
     """The one lock of the axes for all clients: an axis obeys one request at a time.
 
     ``unready`` returns why an axis cannot home now for a reason that the axis does not know, else
-    None. ``new_waiter`` makes what one client waits with.
+    None. ``new_waiter`` makes what one client waits with. ``ready_timeout`` is how long a request
+    waits for missing inputs, s.
     """
 
     def __init__(
@@ -30,9 +31,11 @@ class Dispatch(Generic[Waiter]):
         groups: Sequence[Sequence[str]],
         unready: Callable[[str], Outcome | None],
         new_waiter: Callable[[], Waiter],
+        ready_timeout: float = 0.0,
     ) -> None:
         self.groups = groups
         self.closed = False
+        self.ready_timeout = ready_timeout
         self._axes = axes
         self._unready = unready
         self._new_waiter = new_waiter
@@ -46,6 +49,11 @@ class Dispatch(Generic[Waiter]):
         return listed + [name for name in self._axes if name not in listed]
 
     @property
+    def pending(self) -> bool:
+        """Whether a request waits until its axes are ready: call update in each cycle."""
+        return any(request.pending for request, _ in self._active)
+
+    @property
     def idle(self) -> bool:
         return not self._active and not self._canceling
 
@@ -55,12 +63,15 @@ class Dispatch(Generic[Waiter]):
             return Outcome(Error.Canceled, 'the node is shutting down')
         for name in names:
             refusal = self._unknown(name) or self.busy(name) or self._unready(name)
-            if refusal is not None:
-                return refusal
+            if refusal is None or (self.ready_timeout and refusal.error in MISSING):
+                continue
+            return refusal
         listed = {name for group in self.groups for name in group}
         groups = [*self.groups, *((name,) for name in names if name not in listed)]
         wanted = [tuple(name for name in group if name in names) for group in groups]
-        request = Request(filter(None, wanted), self._axes, owner, self._unready)
+        request = Request(
+            filter(None, wanted), self._axes, owner, self._unready, self.ready_timeout
+        )
         request.start(now)
         if not request.done:
             self._active.append((request, self._new_waiter()))

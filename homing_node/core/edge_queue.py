@@ -3,7 +3,8 @@
 
 from ..procedures.motions import Way
 from .machine import Machine
-from .signals import Edge, Track
+from .signals import Edge
+from .track import Track
 
 
 class EdgeQueue:
@@ -29,19 +30,29 @@ class EdgeQueue:
         self._waiting.append(edge)
         self._waiting.sort(key=lambda waiting: waiting.order)
 
-    def update(self, machine: Machine, track: Track) -> None:
-        """Locate the edges in a track, and give the machine those whose way of travel is known."""
+    def update(self, machine: Machine, track: Track, feedback: Track | None = None) -> None:
+        """Locate the edges in a track, and give the machine those whose way of travel is known.
+
+        Args:
+            machine: the run.
+            track: the record of positions.
+            feedback: the feedback, if the track is the record of the commands.
+        """
         if self._unresolved:
             for edge in self._unresolved:
-                edge.locate(track)
+                edge.locate(track, feedback)
             self._unresolved = [edge for edge in self._unresolved if not edge.resolved]
         while self._waiting:
             edge = self._waiting[0]
-            located = edge.locate(track)
+            located = edge.locate(track, feedback)
+            wanted = machine.row.motion.way
             way = machine.way_at(min(edge.time, track.time), track)
             if way is None:
                 return
-            goes_toward = way == machine.row.motion.way == Way.TOWARD
+            if edge.opening.gap and way != wanted:  # it may have turned within the gap
+                later = machine.way_at(min(edge.opening.end, track.time), track)
+                way = later if later == wanted else way
+            goes_toward = way == wanted == Way.TOWARD
             if not located and not goes_toward:
                 return
             if not edge.resolved:

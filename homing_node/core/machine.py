@@ -23,8 +23,9 @@ from .outcome import Failure
 from .passes import Passes
 from .profile import Profile
 from .series_limits import SeriesLimits
-from .signals import Edge, Mark, Switch, Track
+from .signals import Edge, Mark, Switch
 from .switch_events import SwitchEvents
+from .track import Track
 from .travel import Rules
 
 
@@ -269,10 +270,15 @@ class Machine:
 
     # ------------------------------------------------------------------------------- each cycle
 
-    def update(self, now: float, feedback: float) -> None:
+    def update(self, now: float, feedback: float, interval: float = 0.0) -> None:
         """Test the bounds, then follow the arrows of the motion's own events.
 
         Called once a cycle, before the profile's update.
+
+        Args:
+            now: the present time, s.
+            feedback: the newest feedback.
+            interval: the time between two readings of the feedback, s.
         """
         self.now, self.feedback = now, feedback
         if self.finished or self.paused:
@@ -282,12 +288,12 @@ class Machine:
             return
         movement = self._movement
         movement.follow(feedback)
-        failure = self._rules.broken(movement.leg, self.profile.position, feedback, now)
+        failure = self._rules.broken(movement.leg, self.profile.position, feedback, now, interval)
         if failure is not None:
             self.fail(failure)
             return
         while not (self.paused or self.ending.stopping or self.finished):
-            found = movement.event(now, feedback)
+            found = movement.event(now, feedback, interval)
             if found is None:
                 return
             if isinstance(found, Failure):
@@ -381,7 +387,7 @@ class Machine:
                 return
             movement.turn(way, self.now, self.feedback)
         if not self._blocked(way):
-            self._rules.enter(self.row)
+            self._rules.enter(self.row, self.profile.velocity, self.now)
             movement.start(self.row, self._cause, target)
 
     # ------------------------------------------------------------------------------- the switches

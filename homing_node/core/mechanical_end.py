@@ -8,29 +8,64 @@ import math
 
 from ..parameters.axis import AxisParameters
 
+#: The feedback has stopped while it moves slower than this part of the slow velocity, ...
+STOPPED = 0.1
+#: ... for at least this time, s, and for so many of its readings.
+STOPPED_TIME, STOPPED_READINGS = 0.02, 3
+
 
 class MechanicalEnd:
-    """Found once the feedback has stayed behind the command for long enough (WMX3 manual).
+    """Found once the feedback has stopped behind the command for long enough (WMX3 manual).
 
-    ``touched``: since when it is behind, inf while it is not.
+    A drive that lags is behind the command, too, but its feedback moves on.
+
+    Attributes:
+        touched: since when the axis stands behind the command, s; inf while it does not.
+        moved: how far the feedback has moved since it stopped, m or rad.
     """
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self.touched = math.inf
+        self.begin()
 
     def begin(self) -> None:
         """Begin a search."""
-        self.touched = math.inf
+        self.touched = self._behind = math.inf
+        self.moved = 0.0
+        self._stopped: tuple[float, float] | None = None  # since when, and where
 
-    def found(self, behind: float, now: float) -> bool:
-        """Tell whether the end was found; ``behind`` is command - feedback, asked every cycle."""
+    def found(self, command: float, feedback: float, now: float, interval: float) -> bool:
+        """Return whether the end was found; called in each cycle.
+
+        Args:
+            command: the commanded position.
+            feedback: the newest feedback.
+            now: the present time, s.
+            interval: the time between two readings of the feedback, s.
+        """
         p = self._parameters
-        if behind <= p.mechanical_end_detection_pos_diff:
-            self.touched = math.inf
-            return False
-        self.touched = min(self.touched, now)
-        return now - self.touched >= p.mechanical_end_detection_time
+        least = max(STOPPED_TIME, STOPPED_READINGS * interval)
+        stood = self._stands(feedback, now, max(least, p.mechanical_end_detection_time))
+        if command - feedback <= p.mechanical_end_detection_pos_diff:
+            self._behind = math.inf
+        else:
+            self._behind = min(self._behind, now)
+        self.touched = self._behind if stood >= least else math.inf
+        return (
+            now - self.touched >= p.mechanical_end_detection_time
+            and stood >= p.mechanical_end_detection_time
+        )
+
+    def _stands(self, feedback: float, now: float, window: float) -> float:
+        """Return for how long the feedback has stood, s."""
+        if self._stopped is None:
+            self._stopped = now, feedback
+        since, at = self._stopped
+        self.moved = abs(feedback - at)
+        slow = STOPPED * self._parameters.homing_velocity_slow
+        if self.moved > slow * max(now - since, window):
+            self._stopped, self.moved = (now, feedback), 0.0
+        return now - self._stopped[0]
 
     def torque_limit(self, searching: bool) -> float:
         """Return the torque limit, 0: none; the second from the touch on, while and after it."""

@@ -17,7 +17,7 @@ from .latches import Latches
 from .mechanical_end import MechanicalEnd
 from .outcome import Failure
 from .profile import Dynamics, Profile
-from .signals import Edge, Mark
+from .signals import FINEST, Edge, Mark
 from .travel import Leg
 
 #: An event, and where the axis was.
@@ -71,7 +71,7 @@ class Movement:
         self._warn = warn
         self._row: Row = parameters.procedure.rows[parameters.procedure.first]
         self._cause = Mark(feedback)
-        self._own_event: Callable[[float, float], Found | Failure | None] | None = None
+        self._own_event: Callable[[float, float, float], Found | Failure | None] | None = None
         self._further = False  # the homing reverse distance has a target
 
     def heading(self, motion: Motion, reference: Mark | None) -> tuple[Way, float]:
@@ -116,11 +116,19 @@ class Movement:
         if self.leg.update(feedback, self._profile.position):
             self.latches.forget()
 
-    def event(self, now: float, feedback: float) -> Found | Failure | None:
-        """Return the event that the motion has brought about, or why it never will."""
-        return None if self._own_event is None else self._own_event(now, feedback)
+    def event(self, now: float, feedback: float, interval: float) -> Found | Failure | None:
+        """Return the event that the motion has brought about, or why it never will.
 
-    def _own_event_of(self, row: Row) -> Callable[[float, float], Found | Failure | None] | None:
+        Args:
+            now: the present time, s.
+            feedback: the newest feedback.
+            interval: the time between two readings of the feedback, s.
+        """
+        return None if self._own_event is None else self._own_event(now, feedback, interval)
+
+    def _own_event_of(
+        self, row: Row
+    ) -> Callable[[float, float, float], Found | Failure | None] | None:
         """Return what looks for the event of a row's motion; None if only switches end it."""
         if row.motion.kind is Kind.SEARCH:
             if row.latches:
@@ -132,10 +140,10 @@ class Movement:
             Kind.HOME: self._arrived,
         }[row.motion.kind]
 
-    def _went_further(self, now: float, feedback: float) -> Found | None:
+    def _went_further(self, now: float, feedback: float, interval: float) -> Found | None:
         """Go on by the homing reverse distance; done at once if the axis cannot stop before."""
         if self._further:
-            return self._arrived(now, feedback)
+            return self._arrived(now, feedback, interval)
         target = self._cause.position - self._parameters.homing_reverse_distance
         dynamics = self._dynamics[self._row.motion.pace]
         if self._profile.stopping_position(dynamics.deceleration) <= target:
@@ -144,18 +152,18 @@ class Movement:
         self._profile.move(target, dynamics)
         return None
 
-    def _rested(self, now: float, feedback: float) -> Found | None:
-        return self._arrived(now, feedback) if self._cause.resolved else None
+    def _rested(self, now: float, feedback: float, interval: float) -> Found | None:
+        return self._arrived(now, feedback, interval) if self._cause.resolved else None
 
-    def _arrived(self, now: float, feedback: float) -> Found | None:
+    def _arrived(self, now: float, feedback: float, interval: float) -> Found | None:
         return (Event.DONE, Mark(feedback)) if self._profile.done else None
 
-    def _end_detected(self, now: float, feedback: float) -> Found | None:
-        if not self.end.found(self._profile.position - feedback, now):
+    def _end_detected(self, now: float, feedback: float, interval: float) -> Found | None:
+        if not self.end.found(self._profile.position, feedback, now, interval):
             return None
-        return Event.END_DETECTED, Mark(feedback)
+        return Event.END_DETECTED, Mark(feedback, max(FINEST, self.end.moved))
 
-    def _latched(self, now: float, feedback: float) -> Found | Failure | None:
+    def _latched(self, now: float, feedback: float, interval: float) -> Found | Failure | None:
         """Return the latch beyond the row's edge or, without one, beyond the turning point."""
         cause, way = self._cause, self._row.motion.way
         if not cause.resolved:

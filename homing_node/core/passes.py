@@ -58,17 +58,21 @@ class Passes:
         coarse, first = self.coarse, self.fine[0] if self.fine else None
         if isinstance(coarse, Edge) and isinstance(first, Edge) and first.rises == coarse.rises:
             apart = abs(first.position - coarse.position)
-            if apart > p.edge_agreement:
+            unsure = first.uncertainty + coarse.uncertainty
+            if apart > p.edge_agreement + unsure:
                 return Failure(
                     Error.EdgeNotRepeated,
                     f'the second pass found the {first.input.text} {apart:.6g} m from the '
-                    f'first, more than {p.edge_agreement:.6g} m (edge_tolerance)',
+                    f'first, more than {p.edge_agreement:.6g} m (edge_tolerance) and both '
+                    f'uncertainties, {unsure:.6g} m',
                     'noise on the switch, or late messages?',
                 )
-        if self.range > p.repeat_agreement:
+        unsure = sum(sorted(mark.uncertainty for mark in self.fine)[-2:])
+        if self.range > p.repeat_agreement + unsure:
             return Failure(
                 Error.EdgeNotRepeated,
                 f'{len(self.fine)} passes spread over {self.range:.6g} m, more than '
-                f'{p.repeat_agreement:.6g} m (repeat_tolerance)',
+                f'{p.repeat_agreement:.6g} m (repeat_tolerance) and the uncertainties of two, '
+                f'{unsure:.6g} m',
             )
         return None

@@ -4,15 +4,24 @@
 Times are in s of one monotonic clock.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 
 from ..parameters.axis import AxisParameters, switch_inputs
+from ..parameters.units import Unit
 from ..procedures.states import Error, Input
 from .outcome import Failure
-from .signals import Edge, Switch, Track
+from .signals import Edge, Mark, Switch
+from .track import Track
 
 #: The arrival of a message that never came.
 NEVER = -1e300
+#: A turn, rad, and by how much of it a jump of the feedback may differ from it.
+TURN, A_TURN = 2.0 * math.pi, 0.05
+#: An axis rests if it has moved slower than this part of its slow velocity for this long, s.
+REST_SPEED, REST_TIME = 0.1, 0.15
+#: Samples that the first setpoint must agree with.
+LAST_SAMPLES = 3
 #: More bounces of one switch in a run are worth a warning.
 MANY_BOUNCES = 10
 
@@ -21,6 +30,8 @@ class Readings:
     """The inputs of one axis.
 
     Attributes:
+        moving: whether the axis is told to move.
+        settled: when the feedback had settled after the last run, s.
         track: the recorded feedback, in the *toward* frame, m or rad.
         arrival: when the newest feedback arrived, s.
         switches: the wired switches, with their levels.
@@ -29,6 +40,8 @@ class Readings:
     """
 
     def __init__(self, parameters: AxisParameters) -> None:
+        self.moving = False
+        self.settled = NEVER
         self.track = Track()
         self.arrival = NEVER
         self.switches: dict[Input, Switch] = {}
@@ -36,6 +49,7 @@ class Readings:
         self.unsettled = False
         self._parameters = parameters
         self._sign = 1.0
+        self._below_zero = False  # the driver's range of a wrapped joint begins below zero
         self._bounces_before: dict[Input, int] = {}
         self.configure(parameters)
 
@@ -68,10 +82,44 @@ class Readings:
 
     # ----------------------------------------------------------------------------------- messages
 
-    def feedback(self, time: float, position: float, arrival: float, doubt: float) -> None:
-        """Record a feedback sample, its position raw; one that is not newer is dropped."""
-        if self.track.append(time, self._sign * position, doubt):
+    def feedback(
+        self, time: float, position: float, arrival: float, doubt: float
+    ) -> Failure | None:
+        """Record a feedback sample, its position raw; one that is not newer is dropped.
+
+        Returns:
+            What is wrong with the sample: it jumped by a turn.
+        """
+        track = self.track
+        if self._parameters.wrap:
+            self._below_zero = self._below_zero or position < 0.0
+            position = self.unwrapped(position)
+        step = self._sign * position - track.position
+        jumped = self.known and abs(abs(step) - TURN) < A_TURN * TURN
+        if track.append(time, self._sign * position, doubt, self.moving):
             self.arrival = arrival
+        if not jumped:
+            return None
+        return Failure(
+            Error.FollowingError,
+            f'the feedback jumped by {self._sign * step:.6g} m, about 2 pi',
+            'is it published modulo a turn (wrap)?',
+        )
+
+    def unwrapped(self, position: float) -> float:
+        """Return a raw position in the turn that is nearest to the feedback."""
+        wrap = self._parameters.wrap
+        if not wrap or not self.known:
+            return position
+        return position + wrap * round((self._sign * self.track.position - position) / wrap)
+
+    def wrapped(self, position: float) -> float:
+        """Return a raw setpoint as the driver takes it."""
+        wrap = self._parameters.wrap
+        if not wrap or not self._parameters.wrap_setpoints:
+            return position
+        low = -0.5 * wrap if self._below_zero else 0.0
+        return low + (position - low) % wrap
 
     def switch(
         self, switch: Input, time: float, signal: bool, arrival: float, doubt: float
@@ -81,9 +129,7 @@ class Readings:
         if known is None:
             return None
         p = self._parameters
-        edge = known.set(
-            time - p.switch_latency, signal, arrival, doubt or p.switch_stamp_error, not doubt
-        )
+        edge = known.set(time - p.switch_latency, signal, arrival, doubt + p.switch_stamp_error)
         self.unsettled = self.unsettled or known.unsettled
         return edge
 
@@ -104,11 +150,46 @@ class Readings:
         for switch in self.switches.values():
             switch.set_back(now)
         self.track.restart()
+        self.settled = NEVER
         self.arrival = NEVER
 
     def begin_run(self) -> None:
         """Count the bounces of the switches anew."""
         self._bounces_before = {name: switch.bounces for name, switch in self.switches.items()}
+
+    def polling_warning(self, edge: Edge) -> str:
+        """Return what to say of an edge that is uncertain because its switch is polled, or ''."""
+        p, gap = self._parameters, edge.opening.gap
+        limit = 0.001 * p.travel if p.unit is Unit.rad else 1e-4
+        if edge.uncertainty <= limit or gap * edge.speed < edge.uncertainty:
+            return ''
+        interval = self.switches[edge.input].messages.interval or gap
+        return (
+            f'{edge.input.text} is read about {1.0 / interval:.3g} times a second: at '
+            f'{edge.speed:.3g} m/s home is known to {edge.uncertainty:.2g} m; at '
+            f'{0.1 * edge.speed:.2g} m/s it would be known 10 times better'
+        )
+
+    @property
+    def finest(self) -> float:
+        """How exactly the feedback can show a place at best, m.
+
+        That is a count of the encoder; if the feedback shows none, the travel of a feedback
+        interval at the slow velocity.
+        """
+        track = self.track
+        return track.count or self._parameters.homing_velocity_slow * track.interval
+
+    def warnings(self, passes: Iterable[Mark]) -> list[str]:
+        """Return what the user should know of the switches, when a run has ended.
+
+        Args:
+            passes: where the run has found its reference.
+        """
+        edges = [mark for mark in passes if isinstance(mark, Edge)]
+        worst = max(edges, key=lambda edge: edge.uncertainty, default=None)
+        polled = self.polling_warning(worst) if worst else ''
+        return self.bounce_warnings() + ([polled] if polled else [])
 
     def bounce_warnings(self) -> list[str]:
         """Return a warning for each switch that has bounced often since the run began."""
@@ -119,6 +200,26 @@ class Readings:
         return [f'{text} bounced {n} times' for text, n in counts.items() if n > MANY_BOUNCES]
 
     # --------------------------------------------------------------------------- known and fresh
+
+    def motion(self) -> Failure | None:
+        """Return why the axis does not rest, None if it does.
+
+        The mean positions of both halves of the last REST_TIME (after a run, of the time since its
+        end) must be the same, and the newest samples must lie where the axis can have been; but
+        for the noise of a count.
+        """
+        track, p = self.track, self._parameters
+        lasts = min(REST_TIME, track.time - self.settled)
+        speed, count = abs(track.drift(lasts)), min(track.grain, p.settling_tolerance)
+        if speed > max(REST_SPEED * p.homing_velocity_slow, count / REST_TIME):
+            return Failure(Error.AxisMoving, f'the axis moves at {speed:.3g} m/s')
+        apart = track.jump(lasts, LAST_SAMPLES, p.homing_velocity_fast, 2.0 * count)
+        if not apart:
+            return None
+        return Failure(
+            Error.AxisMoving,
+            f'the feedback jumps between places {abs(apart):.6g} m apart, although the axis rests',
+        )
 
     def unready(self, now: float, joint: str) -> Failure | None:
         """Return which input keeps a run from starting, None if all are known and fresh."""

@@ -2,8 +2,10 @@
 """Homing of several axes: the groups one after another, the axes of a group together.
 
 If one axis fails, is refused or is canceled, its group stops and the later groups do not start. A
-request for one axis has one group with one axis. :meth:`Request.update` is called after the axes,
-in each cycle in which a run has ended.
+request for one axis has one group with one axis. A group whose axes are not ready yet waits: for
+`rest_timeout` if an axis moves, for `ready_timeout` if inputs are missing.
+:meth:`Request.update` is called after the axes, in each cycle in which a run has ended or a
+request is :attr:`~Request.pending`.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -11,6 +13,9 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from ..procedures.states import Error
 from .axis import Axis
 from .outcome import Outcome
+
+#: What a request waits for: the inputs that are not there yet.
+MISSING = (Error.FeedbackStale, Error.SwitchUnknown)
 
 
 class Request:
@@ -28,11 +33,14 @@ class Request:
         axes: Mapping[str, Axis],
         owner: str,
         unready: Callable[[str], Outcome | None],
+        ready_timeout: float = 0.0,
     ) -> None:
         self.groups = [tuple(group) for group in groups]
         self.owner = owner
         self.outcomes: dict[str, Outcome] = {}
         self._axes, self._unready = axes, unready
+        self._ready_timeout = ready_timeout
+        self._since: float | None = None  # a group waits until it is ready
         self._waiting = list(self.groups)
         self._running: tuple[str, ...] = ()
         self._canceled: set[str] = set()
@@ -49,6 +57,11 @@ class Request:
     @property
     def success(self) -> bool:
         return self.done and all(outcome.success for outcome in self.outcomes.values())
+
+    @property
+    def pending(self) -> bool:
+        """Whether the next group waits until its axes are ready: call update in each cycle."""
+        return self._since is not None
 
     def waits(self, name: str) -> bool:
         """Return whether an axis still waits for its turn."""
@@ -70,7 +83,7 @@ class Request:
         for name in self.names:
             self.outcomes.setdefault(name, self._cancellation(name, reason))
         self._waiting.clear()
-        self._running = ()
+        self._running, self._since = (), None
 
     def update(self, now: float) -> bool:
         """Record the runs that have ended; return whether the whole request has ended."""
@@ -83,6 +96,8 @@ class Request:
             self._running = tuple(name for name in self._running if name not in ended)
             if not self._running:
                 self._start_next(now)
+        elif self.pending:
+            self._start_next(now)
         return self.done
 
     def _start_next(self, now: float) -> None:
@@ -92,8 +107,18 @@ class Request:
         refusals = {
             name: refusal for name in group if (refusal := self._refusal(name, now)) is not None
         }
+        if self._since is None:
+            self._since = now
+        waited = now - self._since
+        if refusals and all(waited < self._patience(*refusal) for refusal in refusals.items()):
+            return
+        self._since = None
         if refusals:
-            self.outcomes.update(refusals)
+            for name, refusal in refusals.items():
+                text = refusal.message
+                if waited:
+                    text += f', after waiting for {waited:.3g} s'
+                self.outcomes[name] = refusal._replace(message=text)
             self._stop_for(next(iter(refusals)))
             return
         del self._waiting[0]
@@ -105,6 +130,12 @@ class Request:
         if name in self._canceled:
             return self._cancellation(name, 'not started: canceled')
         return self._unready(name) or self._axes[name].refusal(now)
+
+    def _patience(self, name: str, refusal: Outcome) -> float:
+        """Return how long to wait until what forbids a run has passed, s."""
+        if refusal.error is Error.AxisMoving:
+            return self._axes[name].parameters.rest_timeout
+        return self._ready_timeout if refusal.error in MISSING else 0.0
 
     def _stop_for(self, failed: str) -> None:
         """Stop the axes that run and start no others, because an axis was not homed."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ..parameters.axis import AxisParameters
 from ..procedures.states import HomeType
-from .signals import Track
+from .track import Track
 
 #: Longest wait for the feedback to settle, s.
 SETTLE_TIMEOUT = 0.5
@@ -37,7 +37,7 @@ class Rest(NamedTuple):
         moved, behind = abs(feedback - self.feedback), abs(self.command - self.feedback)
         return (
             moved <= parameters.homing_velocity_slow * period
-            and behind <= parameters.following_error_limit
+            and behind <= parameters.settling_tolerance
         )
 
 
@@ -51,17 +51,19 @@ class Settling:
         """Begin anew: the command moves again, or time jumped."""
         self._since = None
 
-    def over(self, now: float, track: Track, slow_velocity: float) -> bool:
+    def over(self, now: float, track: Track, slow_velocity: float, follows: bool = True) -> bool:
         """Return whether the wait is over; called in each cycle in which the command rests.
 
         Args:
             now: the present time, s.
             track: the recorded feedback.
             slow_velocity: the axis's slow velocity, m/s or rad/s; it scales what counts as rest.
+            follows: whether the feedback is where the command is.
         """
         if self._since is None:
             self._since = now
         if now - self._since >= SETTLE_TIMEOUT:
             return True
         begin = track.time - max(SETTLE_TIME, SETTLE_SAMPLES * track.interval)
-        return begin >= self._since and track.spread(begin) <= SETTLE_TRAVEL * slow_velocity
+        rests = begin >= self._since and track.spread(begin) <= SETTLE_TRAVEL * slow_velocity
+        return rests and follows

@@ -8,6 +8,8 @@ larger uncertainty, never a wrong home.
 
 import math
 
+from ..procedures.states import FeedbackClock
+
 #: How far a stamp may lie in the future: two synchronised clocks agree to this.
 AGREEMENT = 1e-3
 #: Even the quickest message of a publisher was on its way for longer: its clock is behind.
@@ -16,6 +18,10 @@ BEHIND = 0.04
 FALLBACK_DOUBT = 0.02
 #: After a jump, stamps are believed again once their age is back within this of what it was.
 RETURNED = 5e-3
+#: A header further than this from the sending of even the promptest message may come from another
+#: clock, s; further than LONGEST_SAMPLING it must.
+OWN_CLOCK = 0.01
+LONGEST_SAMPLING = 1.0
 #: Samples of feedback in a row that may have overtaken each other.
 REORDERED = 2
 
@@ -30,6 +36,7 @@ class Stamps:
     far the publisher's clock is behind, plus the shortest latency.
     ``late``: how late the last message was, where it was too late of a clock that was believed, s;
     its arrival is no time to home by. From then on that clock is taken for one that disagrees.
+    ``lag``: the smallest sending - header stamp by size, inf before a message with a header.
     """
 
     __slots__ = (
@@ -40,6 +47,7 @@ class Stamps:
         'smallest',
         'offset',
         'late',
+        'lag',
         '_newest',
         '_backwards',
         '_jumped',
@@ -52,17 +60,60 @@ class Stamps:
         self.replaced = 0
         self.smallest = self.offset = math.inf
         self.late = 0.0
+        self.lag = math.inf
         self._newest = -math.inf
         self._backwards = 0
         self._jumped = False
 
     def believe(
-        self, stamp: float, arrival: float, sent: float | None = None
+        self,
+        stamp: float,
+        arrival: float,
+        sent: float | None = None,
+        clock: FeedbackClock = FeedbackClock.auto,
     ) -> tuple[float, float] | None:
         """Return the time to use and how far it may be wrong (0: it is the stamp), s.
 
-        None: drop this message. ``sent`` is by the clock of the stamp, too; by default the stamp.
+        A header that is far from the sending of its own message has two readings: the sampling
+        took so long, or the header comes from another clock. The time is then between both, and
+        the doubt covers both, unless ``clock`` settles it.
+
+        Args:
+            stamp: the time in the message's header; without a header the time of sending, s.
+            arrival: when the message arrived, s.
+            sent: when the middleware sent the message, s; None if it has no header.
+            clock: which time is the sampling time; only for a message with a header.
+
+        Returns:
+            Time and doubt; None if this message is to be dropped.
         """
+        if sent is None or clock is FeedbackClock.stamp:
+            return self._judge(stamp, arrival, sent)
+        if clock is FeedbackClock.arrival:
+            return self._judge(sent, arrival, sent)
+        if abs(sent - stamp) < abs(self.lag):
+            self.lag = sent - stamp
+        if abs(self.lag) <= OWN_CLOCK:
+            return self._judge(stamp, arrival, sent)
+        judged = self._judge(sent, arrival, sent)
+        if judged is None:
+            return None
+        time, doubt = judged
+        side = 'behind' if self.lag > 0.0 else 'ahead of'
+        self.warning = (
+            f'header stamps are at least {abs(self.lag):.3f} s {side} the sending of their '
+            'messages: another clock, or a slow sampling (feedback_clock settles it)'
+        )
+        self.replaced += 1
+        if not 0.0 < self.lag <= LONGEST_SAMPLING:
+            return time, doubt + FALLBACK_DOUBT
+        half = 0.5 * self.lag
+        return time - (sent - stamp - half), doubt + half
+
+    def _judge(
+        self, stamp: float, arrival: float, sent: float | None
+    ) -> tuple[float, float] | None:
+        """Return the time to use and its doubt, of a stamp by the sender's clock."""
         age = arrival - stamp
         self.late = 0.0
         if stamp < self._newest:

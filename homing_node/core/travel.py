@@ -12,8 +12,10 @@ from ..procedures.motions import Bound, Kind, Way
 from ..procedures.procedure import Row
 from ..procedures.states import Error
 from .outcome import Failure
-from .signals import Track
+from .track import Track
 
+#: How long a drive may still lag for the velocity that it had before, s.
+LAG_LASTS = 0.15
 #: The message for an event that did not come.
 NOT_SEEN = {
     Event.HS_RISES: 'the home switch did not rise',
@@ -123,20 +125,30 @@ class Rules:
         self._parameters = parameters
         self.deadline = now + parameters.run_timeout
         self._wrong_direction = parameters.wrong_direction_limit
-        self._following_error = parameters.following_error_limit
+        self._least_following = 0.0
         if parameters.homes_on_mechanical_end:  # the command turns beyond the end
             behind = (
                 parameters.mechanical_end_detection_pos_diff
                 + parameters.homing_velocity_slow * parameters.mechanical_end_detection_time
             )
-            self._following_error = max(self._following_error, 2.0 * behind)
-        self._following = self.distance = math.inf
+            self._least_following = 2.0 * behind
+        self._least_limit = max(parameters.following_error_at(0.0), self._least_following)
+        self.distance = math.inf
+        self._velocity = self._before = 0.0  # of this row, of the row before it
+        self._entered = now
+        self._searches_end = False
         self._missed = ''
         self._bound = Bound.SEARCH
         self._name = ''
 
-    def enter(self, row: Row) -> None:
-        """Use the bounds of a row."""
+    def enter(self, row: Row, velocity: float, now: float) -> None:
+        """Take the bounds of a row.
+
+        Args:
+            row: the row.
+            velocity: the velocity of the command; a drive still lags for it after the row began.
+            now: the present time, s.
+        """
         p, self._bound = self._parameters, row.bound
         own: float = getattr(p, row.bound)
         self._name = str(row.bound if own else Bound.SEARCH)
@@ -144,11 +156,23 @@ class Rules:
             self._bound = Bound.SEARCH
         searching = row.motion.kind is Kind.SEARCH
         self.distance = own or p.search_distance if searching else math.inf
-        self._following = math.inf if Event.END_DETECTED in row.on else self._following_error
+        self._before, self._entered = self._velocity, now
+        self._velocity = max(p.pace(row.motion.pace)[0], abs(velocity))
+        self._searches_end = Event.END_DETECTED in row.on
         self._missed = ' and '.join(NOT_SEEN[event] for event in row.on if event in NOT_SEEN)
 
-    def broken(self, leg: Leg, command: float, feedback: float, now: float) -> Failure | None:
-        """Return which bound the motion exceeds, None if it keeps them all."""
+    def broken(
+        self, leg: Leg, command: float, feedback: float, now: float, interval: float
+    ) -> Failure | None:
+        """Return the rule that the motion breaks, None while it keeps them all.
+
+        Args:
+            leg: the present stretch of travel.
+            command: the commanded position.
+            feedback: the newest feedback.
+            now: the present time, s.
+            interval: the time between two readings of the feedback, s; the axis goes on meanwhile.
+        """
         gone, distance = leg.gone, self.distance
         if gone > distance or leg.traveled > distance:
             return Failure(
@@ -156,13 +180,11 @@ class Rules:
                 f'{self._missed} within {self.distance:.6g} m ({self._name})',
                 HINTS[self._bound],
             )
-        if abs(command - feedback) > self._following:
-            return Failure(
-                Error.FollowingError,
-                f'command - feedback is {command - feedback:.6g} m, more than '
-                f'{self._following:.6g} m (following_error)',
-                'does the axis follow the setpoints, and does its feedback arrive?',
-            )
+        behind = abs(command - feedback)
+        if behind > self._least_limit and not self._searches_end:
+            failure = self._too_far_behind(command - feedback, now, interval)
+            if failure is not None:
+                return failure
         against, limit = leg.against, self._wrong_direction
         if gone >= limit and against > 0.5 * limit:
             return Failure(
@@ -176,3 +198,22 @@ class Rules:
                 Error.Timeout, f'not ended within {self._parameters.run_timeout:.6g} s (timeout)'
             )
         return None
+
+    def _too_far_behind(self, behind: float, now: float, interval: float) -> Failure | None:
+        """Return why the feedback is too far from the command, None if a drive may lag so far.
+
+        A drive lags for a while for the velocity of the row before.
+        """
+        velocity = self._velocity
+        if now - self._entered < LAG_LASTS + 2.0 * interval:
+            velocity = max(velocity, self._before)
+        limit = max(self._parameters.following_error_at(velocity), self._least_following)
+        if abs(behind) <= limit + velocity * interval:
+            return None
+        return Failure(
+            Error.FollowingError,
+            f'command - feedback is {behind:.6g} m, more than {limit:.6g} m (following_error)',
+            'does the axis follow the setpoints, and does its feedback arrive? A drive that lags '
+            f'by {abs(behind) / velocity:.3g} s or more at {velocity:.3g} m/s needs '
+            f'following_error: {2.0 * abs(behind):.2g} or more',
+        )

@@ -32,6 +32,8 @@ from .units import Unit
 
 #: Longer than these no ramp and no move of a machine takes, s.
 LONGEST_RAMP, LONGEST_MOVE = 1000.0, 3600.0
+#: A drive does not lag longer than this, unless `following_error` says so, s.
+LONGEST_LAG = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,8 +76,19 @@ class AxisParameters(AxisFields):
         return self.max_search_distance or 1.1 * self.travel
 
     @property
+    def settling_tolerance(self) -> float:
+        """How far the feedback may stay behind the command at rest, m."""
+        small = 0.01 * self.travel
+        return small if self.unit is Unit.rad else min(0.001, small)
+
+    def following_error_at(self, velocity: float) -> float:
+        """Return the largest |command - feedback| at a velocity, m."""
+        return self.following_error or LONGEST_LAG * abs(velocity) + self.settling_tolerance
+
+    @property
     def following_error_limit(self) -> float:
-        return self.following_error or 0.5 * self.homing_velocity_fast
+        """The largest |command - feedback| at the fast velocity, m."""
+        return self.following_error_at(self.homing_velocity_fast)
 
     @property
     def wrong_direction_limit(self) -> float:

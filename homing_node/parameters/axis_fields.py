@@ -7,7 +7,15 @@ The names are the names of the WMX3 manual in snake_case. Units: m or rad, s.
 
 from dataclasses import dataclass
 
-from ..procedures.states import Direction, HomeType, IndexMarginAction, Input, LSDirection, LSType
+from ..procedures.states import (
+    Direction,
+    FeedbackClock,
+    HomeType,
+    IndexMarginAction,
+    Input,
+    LSDirection,
+    LSType,
+)
 from . import fields
 from .units import Unit
 
@@ -157,9 +165,26 @@ class AxisFields:
     feedback_timeout: float = fields.duration(
         0.2, 'largest age of the feedback', 0.001, or_zero=False
     )
+    feedback_clock: FeedbackClock = fields.parameter(
+        FeedbackClock,
+        FeedbackClock.auto,
+        'sampling time of the feedback: the header stamp, the arrival (the time of sending), '
+        'or auto (the stamp; if it is more than 0.01 s from the sending, both are possible)',
+    )
+    wrap: float = fields.distance(
+        0.0, 'the feedback is published modulo this distance, 6.283185 for a turn (0: it is not)'
+    )
+    wrap_setpoints: bool = fields.flag(
+        False, 'setpoints are published in the range of the feedback, modulo wrap'
+    )
+    rest_timeout: float = fields.duration(
+        1.0, 'how long a request waits for an axis that moves to come to rest'
+    )
 
     following_error: float = fields.distance(
-        0.0, 'largest |command - feedback| (0: homing_velocity_fast x 0.5 s)'
+        0.0,
+        'largest |command - feedback| (0: 0.05 s x velocity of the motion + 1 % of travel, '
+        'of a linear axis at most 0.001 m)',
     )
     wrong_direction_distance: float = fields.distance(
         0.0,

@@ -93,6 +93,7 @@ class Error(TextEnum):
     SwitchUnknown = 'SwitchUnknown'
     PublisherConflict = 'PublisherConflict'
     FollowingError = 'FollowingError'
+    AxisMoving = 'AxisMoving'
     WrongDirection = 'WrongDirection'
     ServoOff = 'ServoOff'
     CycleLate = 'CycleLate'
@@ -120,6 +121,14 @@ class IndexMarginAction(TextEnum):
     none = 'None'
     Warn = 'Warn'
     Fail = 'Fail'
+
+
+class FeedbackClock(TextEnum):
+    """Which time of a feedback message is the time at which it was sampled."""
+
+    auto = 'auto'
+    stamp = 'stamp'
+    arrival = 'arrival'
 
 
 class Direction(TextEnum):

@@ -20,6 +20,7 @@ from ..course import Happening
 from ..parameters.axis import AxisParameters
 from ..plant.layout import AxisLayout
 from ..procedures.states import LATCHES, Error, Input
+from .drivers import LONG_AGO
 from .run import DIRECT, PLANT_STEP, Rehearsal, Transport
 
 #: The topics that are no input of an axis: positions, raw.
@@ -295,7 +296,7 @@ class DisturbedRehearsal(Rehearsal):
 
     def _introduce(self) -> None:
         for name, level in self.plant.levels().items():
-            self._post(Message(name, 0.0, 0.0, level))
+            self._post(Message(name, LONG_AGO, LONG_AGO, level))
         self._send_feedback(0.0, self.plant.position)
         self._deliver()
 
@@ -336,6 +337,6 @@ class DisturbedRehearsal(Rehearsal):
                 error = Error.FeedbackStale if one.topic == FEEDBACK else Error.SwitchStale
                 self.axis.stop(error, too_late(one.topic, stamps))
             if one.topic != FEEDBACK:
-                self.axis.switch(Input(one.topic), time, bool(one.value), arrival, doubt)
+                self.axis.switch(Input(one.topic), time, bool(one.value), max(arrival, 0.0), doubt)
             elif isfinite(one.value):
                 self.axis.feedback(time, one.value, arrival, doubt)

@@ -347,7 +347,9 @@ class HomingNode(ConfiguredNode):
                 if setpoint is not None:
                     setpoints[name] = setpoint
                 changed = self._reports.report(axis) or changed
-            ended = self._dispatch.update(now) if changed else []
+            ended = []
+            if changed or self._dispatch.pending:
+                ended = self._dispatch.update(now)
             finished = self._dispatch.closed and self._dispatch.idle
             message = self._setpoints.message(setpoints)
         if message is not None:
