@@ -12,12 +12,14 @@ from core_rig import QUICK
 from hypothesis import given
 from hypothesis import strategies as st
 
+from homing_node.cli import main
 from homing_node.parameters.axis import axis_parameters
 from homing_node.parameters.definition import InvalidParameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
 from homing_node.procedures import cia402
 from homing_node.procedures.events import Event
 from homing_node.procedures.states import Direction, Error, HomeType
+from homing_node.procedures.tables import PROCEDURES
 from homing_node.rehearsal.run import Rehearsal
 
 #: The axis, raw: limits at both ends, a momentary home switch, or one that covers an end.
@@ -300,3 +302,48 @@ def test_every_method_says_how_it_differs():
 def test_the_types_list_their_numbers():
     assert cia402.numbers_of(HomeType.LSOff) == (17, 18)
     assert cia402.numbers_of(HomeType.HS) == ()
+
+
+# -- the commands ---------------------------------------------------------------------------------
+
+
+def test_homing_types_lists_every_type_with_its_numbers(capsys):
+    assert main(['types']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for home_type in HomeType:
+        (row,) = [line for line in lines if line.split()[:1] == [str(home_type)]]
+        numbers = [word for word in row.split()[1:5] if word[0].isdigit()]
+        assert [int(word.rstrip('+-')) for word in numbers] == list(cia402.numbers_of(home_type))
+
+
+@pytest.mark.parametrize('number', ALL_NUMBERS)
+def test_homing_explain_tells_a_number(number, capsys):
+    assert main(['explain', str(number)]) == 0
+    told = capsys.readouterr().out
+    method = cia402.METHODS[number]
+    assert told.startswith(f'CiA402 {number} = {method.home_type}')
+    assert f'Home: {PROCEDURES[method.home_type].home}.' in told
+    assert 'stateDiagram-v2' in told
+    assert ('ends the run' in told) == (number in NO_REVERSAL)
+    assert ('Differences:' in told) == bool(method.differences)
+    assert ('home switch' in told) == (STANDARD.get(number, ('',))[0] != '')
+
+
+def test_homing_explain_tells_a_name(capsys):
+    assert main(['explain', 'LSOff', '--no-diagram']) == 0
+    told = capsys.readouterr().out
+    assert 'CiA 402: 17, 18' in told
+    assert 'stateDiagram' not in told
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('HSHs', "did you mean 'HSHS'"),
+        ('31', 'none of the CiA 402 methods'),
+        ('limit', '`homing types` lists them'),
+    ],
+)
+def test_homing_explain_of_what_there_is_not(text, said, capsys):
+    assert main(['explain', text]) == 2
+    assert said in capsys.readouterr().err

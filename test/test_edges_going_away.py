@@ -2,12 +2,12 @@
 """Machines that home on the slow way back, and flags that are shorter than a bounce may be."""
 
 import pytest
-from core_rig import DIRECTIONS, HS, HS_OFF_TYPES, error_of, home_of, rig
+from core_rig import DIRECTIONS, HS, HS_OFF_TYPES, LIMIT_AHEAD, error_of, home_of, on_side, rig
 
 from homing_node.check import Severity, check
 from homing_node.parameters.axis import axis_parameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout
-from homing_node.procedures.states import Error
+from homing_node.procedures.states import Error, Input
 from homing_node.rehearsal.run import Rehearsal, rehearse
 
 LOW, HIGH = -10.0, 10.0
@@ -190,3 +190,33 @@ def test_a_bounce_shorter_than_the_debounce_is_no_flag(direction):
     assert home_of(course, direction) == pytest.approx(0.066, abs=5e-4)
     assert isinstance(made, Rehearsal)
     assert error_of(course) is Error.NoError
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+@pytest.mark.parametrize('home_type', ['HSReverse', 'HSOffReverse', 'LSOff', 'LSLS'])
+def test_a_wide_hysteresis_is_no_disagreement_of_the_passes(home_type, direction):
+    """The edges of a flag's end lie 5 mm apart, five times edge_tolerance."""
+    one = rig(home_type)
+    flags = {name: flag._replace(hysteresis=0.005) for name, flag in one.layout.switches.items()}
+    home = {'HSReverse': 0.055, 'HSOffReverse': 0.066, 'LSOff': 0.085, 'LSLS': 0.090}[home_type]
+    course = one.switched(**flags).home(direction)
+    assert abs(home_of(course, direction) - home) <= course.outcome.uncertainty + 1e-9
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+def test_a_second_pass_over_a_limit_that_disagrees_is_no_home(direction):
+    """Noise on the limit switch was taken for it in the first pass."""
+    made = rig('LSLS', edge_tolerance=0.001).rehearsal(direction, 0.03)
+    limit = Input(on_side(LIMIT_AHEAD, direction))
+    made.axis.home(0.0)
+    while direction * made.plant.position < 0.05:
+        made.cycle()
+    made.axis.switch(limit, made.time, True)
+    while made.axis.state != 'LSFallingEdgeSearchReverse':
+        made.cycle()
+    while direction * made.plant.position > 0.045:
+        made.cycle()
+    made.axis.switch(limit, made.time, False)
+    course = made.finish()
+    assert course.outcome.error is Error.EdgeNotRepeated
+    assert 'the second pass found the' in course.outcome.message
