@@ -200,6 +200,31 @@ def test_a_run_into_the_hard_stop_fails(capsys):
     assert status == 1 and 'ran into the hard stop at 0.205' in out
 
 
+@pytest.mark.parametrize('beyond', [0.9, 1.1])
+def test_a_home_further_off_than_its_uncertainty_is_a_wrong_home(capsys, monkeypatch, beyond):
+    def shifted(*arguments):
+        trial = rehearse_from(*arguments)
+        right = trial.course.outcome
+        home = trial.true_home + beyond * right.uncertainty
+        trial.course.outcome = right._replace(home_position_raw=home)
+        return trial
+
+    for module in ('homing_node.cli.run', 'homing_node.rehearsal.sweep'):
+        monkeypatch.setattr(f'{module}.rehearse_from', shifted)
+    one = ('run', DEMO, '--layout', PLANT, '--axis', 'x')
+    status, out, _ = run(capsys, *one)
+    _, told, _ = run(capsys, *one, '--json')
+    _, everywhere, _ = run(capsys, *one, '--all-starts', '--starts', 3)
+    result = json.loads(told)
+    wrong = beyond > 1.0
+    assert status == wrong
+    assert ('wrong home: ' in out, 'failed after' in out) == (wrong, wrong)
+    assert ('  wrong home from 3 positions' in everywhere) == wrong
+    (found,) = result['runs']
+    assert (result['ok'], found['success'], found['wrong_home']) == (not wrong, not wrong, wrong)
+    assert found['error'] == ('wrong home' if wrong else '')
+
+
 def test_pause_mode_does_not_hold_a_rehearsal(capsys):
     config = write(
         'axes.yaml',

@@ -53,7 +53,7 @@ examples:
 
 """
 
-FAILURE = 'a run failed, or hit a hard stop'
+FAILURE = 'a run failed, hit a hard stop, or home is further off than its uncertainty'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -249,6 +249,7 @@ def _as_dict(
         'true_home': trial.true_home,
         'off': trial.off,
         'uncertainty': outcome.uncertainty if outcome and outcome.success else None,
+        'wrong_home': trial.wrong_home,
         'states': [stretch._asdict() for stretch in trial.stretches],
     }
 
@@ -266,6 +267,11 @@ def _show_run(
     lines = []
     if trial.hits is not None:
         lines.append(f'the axis ran into the hard stop at {trial.hits:g} {unit}')
+    if trial.wrong_home and trial.off is not None:
+        lines.append(
+            f'wrong home: it is {abs(trial.off):.2g} {unit} off the true one, more than its '
+            f'uncertainty of {outcome.uncertainty:.2g} {unit}'
+        )
     if outcome.success:
         known = (
             ''

@@ -68,6 +68,9 @@ def _show(axis: str, parameters: AxisParameters, trials: Sequence[Trial], unit: 
     for error in dict.fromkeys(trial.error for trial in trials if trial.error):
         failed = [trial for trial in trials if trial.error == error]
         message = failed[0].course.outcome.message if failed[0].course.outcome else ''
+        if failed[0].wrong_home:
+            worst = max(abs(trial.off or 0.0) for trial in failed)
+            message = f'off by up to {worst:.2g} {unit}, more than the uncertainty'
         print(
             f'  {error} from {len(failed)} positions between {failed[0].start:g} {unit} and '
             f'{failed[-1].start:g} {unit}{": " if message else ""}{message}'

@@ -15,6 +15,9 @@ from ..plant.timing import Timing
 from ..procedures.states import Input, State
 from .run import PLANT_STEP, Rehearsal, Transport
 
+#: What computing rounds, m or rad: a home that is off by less than this is right.
+ROUNDING = 1e-9
+
 
 class Stretch(NamedTuple):
     """What the axis did in one home state: times in s since the run began, raw positions."""
@@ -41,13 +44,24 @@ class Trial(NamedTuple):
 
     @property
     def success(self) -> bool:
-        return bool(self.course.outcome and self.course.outcome.success) and self.hits is None
+        homed = bool(self.course.outcome and self.course.outcome.success)
+        return homed and self.hits is None and not self.wrong_home
+
+    @property
+    def wrong_home(self) -> bool:
+        """Whether home is further from the true one than its uncertainty."""
+        outcome, off = self.course.outcome, self.off
+        if outcome is None or off is None:
+            return False
+        return abs(off) > outcome.uncertainty + ROUNDING
 
     @property
     def error(self) -> str:
         """Why it failed, '' where it did not."""
         if self.hits is not None:
             return 'hard stop'
+        if self.wrong_home:
+            return 'wrong home'
         return '' if self.success or not self.course.outcome else str(self.course.outcome.error)
 
     @property
