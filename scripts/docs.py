@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from homing_node.figures.diagram import mermaid
 from homing_node.figures.plot import POSITION_DIAGRAM, PROFILE, figure
+from homing_node.procedures import cia402
 from homing_node.procedures.procedure import Procedure
 from homing_node.procedures.states import HomeType, LimitPair, State
 from homing_node.procedures.tables import PROCEDURES
@@ -43,6 +44,7 @@ PAGE = """\
 | Needs | {needs} |
 | A limit switch ahead | {ahead} |
 | A limit switch behind | normal |
+| [CiA 402](../cia402.md) | {methods} |
 
 [Limit switches during homing]({limits_page}.md) tells what these words mean.
 
@@ -71,8 +73,8 @@ drawn from the tables that the node executes, the figures from rehearsed runs of
 [Limit switches during homing]({limits_page}.md) tells what limit switches do
 meanwhile.
 
-| `home_type` | the home position is | needs |
-|---|---|---|
+| `home_type` | [CiA 402](../cia402.md) | the home position is | needs |
+|---|---|---|---|
 {rows}
 """
 
@@ -154,6 +156,7 @@ def page(procedure: Procedure) -> str:
         words=procedure.words,
         home=procedure.home,
         needs=needs(procedure),
+        methods=', '.join(map(str, cia402.numbers_of(home_type))) or 'no method',
         ahead=ahead(procedure),
         limits_page=LIMITS_PAGE,
         diagram=mermaid(procedure),
@@ -163,7 +166,10 @@ def page(procedure: Procedure) -> str:
 
 def index() -> str:
     """Return the page that lists all home types."""
-    rows = (f'| [{t}]({t}.md) | {p.home} | {needs(p)} |' for t, p in PROCEDURES.items())
+    rows = (
+        f'| [{t}]({t}.md) | {", ".join(map(str, cia402.numbers_of(t)))} | {p.home} | {needs(p)} |'
+        for t, p in PROCEDURES.items()
+    )
     return INDEX.format(notice=NOTICE, limits_page=LIMITS_PAGE, rows='\n'.join(rows))
 
 
