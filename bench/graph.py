@@ -33,7 +33,7 @@ PATIENCE = 30.0  # s
 SWITCHES = ('home_switch', 'positive_limit_switch', 'negative_limit_switch')
 NODE = '/homing_node'
 #: Answers that mean only that the node has not heard us yet.
-UNHEARD = ('SwitchUnknown', 'FeedbackStale')
+UNHEARD = ('SwitchUnknown', 'FeedbackStale', 'NoController')
 
 
 def free_domain() -> tuple[int, Any]:

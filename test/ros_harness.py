@@ -40,7 +40,7 @@ DROPPED = 'failed to send response'
 #: How often it is asked whether a request has to be sent again, s.
 AGAIN = 1.0
 #: Answers of a home request that only mean that the plant has not been heard yet.
-UNHEARD = ('SwitchUnknown', 'FeedbackStale')
+UNHEARD = ('SwitchUnknown', 'FeedbackStale', 'NoController')
 #: What a state of an axis looks like for a reader that joins late.
 LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -589,6 +589,7 @@ def node_parameters(axes, **node):
     return {
         'axes': list(axes),
         'cycle_timeout': 1.0,
+        'ready_timeout': 0.0,
         **node,
         **{name: {**AXIS, **values} for name, values in axes.items()},
     }

@@ -4,7 +4,7 @@
 import pytest
 from core_rig import rig
 
-from homing_node.core.outcome import Outcome
+from homing_node.core.outcome import Outcome, together
 from homing_node.core.request import Request
 from homing_node.procedures.states import Error, State
 
@@ -156,6 +156,54 @@ def test_to_cancel_one_that_waits_stops_its_group_and_later_ones(axes):
         'y': 'axis y: not started: axis z was not homed (Canceled)',
         'w': 'axis w: not started: axis z was not homed (Canceled)',
     }
+
+
+@pytest.mark.parametrize('error', [Error.SwitchUnknown, Error.FeedbackStale, Error.NoController])
+def test_what_is_missing_is_waited_for(axes, error):
+    missing = {'z': Outcome(error, 'axis z: not there yet')}
+    request = Request([['z']], axes, 'owner', missing.get, ready_timeout=5.0)
+    request.start(0.0)
+    assert request.pending
+    assert not request.update(4.9)
+    del missing['z']
+    assert not request.update(4.95)
+    assert running(axes) == 'z'
+    assert not request.pending
+
+
+def test_what_stays_missing_is_named_after_the_timeout(axes):
+    missing = {'z': Outcome(Error.NoController, 'nobody subscribes')}
+    request = Request([['z'], ['x']], axes, 'owner', missing.get, ready_timeout=5.0)
+    request.start(1.0)
+    assert not request.update(5.9)
+    assert request.update(6.0)
+    assert errors(request) == {'z': 'NoController', 'x': 'Canceled'}
+    assert request.outcomes['z'].message == 'nobody subscribes, after waiting for 5 s'
+
+
+def test_what_is_wrong_is_refused_at_once(axes):
+    wrong = {'z': Outcome(Error.NoController, 'another order', final=True)}
+    request = Request([['z']], axes, 'owner', wrong.get, ready_timeout=5.0)
+    request.start(1.0)
+    assert request.done
+    assert errors(request) == {'z': 'NoController'}
+
+
+def test_a_request_that_waits_is_canceled(axes):
+    missing = {'z': Outcome(Error.SwitchUnknown, 'axis z: not there yet')}
+    request = Request([['z']], axes, 'owner', missing.get, ready_timeout=5.0)
+    request.start(1.0)
+    request.cancel(['z'])
+    assert request.update(1.1)
+    assert errors(request) == {'z': 'Canceled'}
+
+
+def test_all_that_is_missing_is_named_together():
+    switch = Outcome(Error.SwitchUnknown, 'axis x: no message yet')
+    nobody = Outcome(Error.NoController, 'nobody subscribes')
+    both = together([switch, nobody, nobody])
+    assert both.error is Error.SwitchUnknown
+    assert both.message == 'axis x: no message yet; NoController: nobody subscribes'
 
 
 def test_abandon(axes):

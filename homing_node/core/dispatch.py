@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 from ..procedures.states import Error
 from .axis import Axis
 from .outcome import Outcome
-from .request import MISSING, Request
+from .request import Request, may_pass
 
 #: What a client waits with.
 Waiter = TypeVar('Waiter')
@@ -63,7 +63,7 @@ class Dispatch(Generic[Waiter]):
             return Outcome(Error.Canceled, 'the node is shutting down')
         for name in names:
             refusal = self._unknown(name) or self.busy(name) or self._unready(name)
-            if refusal is None or (self.ready_timeout and refusal.error in MISSING):
+            if refusal is None or (self.ready_timeout and may_pass(refusal)):
                 continue
             return refusal
         listed = {name for group in self.groups for name in group}

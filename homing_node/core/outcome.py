@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The values that say why a run failed and how it ended."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..procedures.states import Error
@@ -35,6 +36,7 @@ class Outcome(NamedTuple):
         index_margin: distance from the edge that armed the Z-pulse to the first pulse, in pitches;
             None if it is not known.
         warnings: what the user should know of the run.
+        final: whether waiting does not mend what forbids the run.
     """
 
     error: Error
@@ -47,7 +49,18 @@ class Outcome(NamedTuple):
     passes_deviation: float = 0.0
     index_margin: float | None = None
     warnings: tuple[str, ...] = ()
+    final: bool = False
 
     @property
     def success(self) -> bool:
         return self.error is Error.NoError
+
+
+def together(missing: Sequence[Outcome]) -> Outcome:
+    """Return one outcome that names everything that is missing."""
+    first = missing[0]
+    texts = [
+        one.message if one.error is first.error else f'{one.error}: {one.message}'
+        for one in dict.fromkeys(missing)
+    ]
+    return Outcome(first.error, '; '.join(texts))

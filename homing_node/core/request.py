@@ -3,7 +3,7 @@
 
 If one axis fails, is refused or is canceled, its group stops and the later groups do not start. A
 request for one axis has one group with one axis. A group whose axes are not ready yet waits: for
-`rest_timeout` if an axis moves, for `ready_timeout` if inputs are missing.
+`rest_timeout` if an axis moves, for `ready_timeout` if inputs or a controller are missing.
 :meth:`Request.update` is called after the axes, in each cycle in which a run has ended or a
 request is :attr:`~Request.pending`.
 """
@@ -14,8 +14,13 @@ from ..procedures.states import Error
 from .axis import Axis
 from .outcome import Outcome
 
-#: What a request waits for: the inputs that are not there yet.
-MISSING = (Error.FeedbackStale, Error.SwitchUnknown)
+#: What a request waits for: inputs, and a controller, that are not there yet.
+MISSING = (Error.FeedbackStale, Error.SwitchUnknown, Error.NoController)
+
+
+def may_pass(refusal: Outcome) -> bool:
+    """Return whether waiting may end what forbids a run."""
+    return refusal.error in MISSING and not refusal.final
 
 
 class Request:
@@ -135,7 +140,7 @@ class Request:
         """Return how long to wait until what forbids a run has passed, s."""
         if refusal.error is Error.AxisMoving:
             return self._axes[name].parameters.rest_timeout
-        return self._ready_timeout if refusal.error in MISSING else 0.0
+        return self._ready_timeout if may_pass(refusal) else 0.0
 
     def _stop_for(self, failed: str) -> None:
         """Stop the axes that run and start no others, because an axis was not homed."""

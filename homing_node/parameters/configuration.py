@@ -31,6 +31,7 @@ RESERVED = frozenset(
         'axes',
         'update_rate',
         'cycle_timeout',
+        'ready_timeout',
         'setpoint_interface',
         'home_sequence',
         'qos_overrides',
@@ -69,6 +70,15 @@ NODE_DEFINITIONS: Mapping[str, Definition] = table(
         60.0,
         name='cycle_timeout',
         default=0.2,
+    ),
+    Definition(
+        'how long a request waits for what is missing: publishers, levels, feedback, a controller',
+        float,
+        's',
+        0.0,
+        600.0,
+        name='ready_timeout',
+        default=5.0,
     ),
     Definition(
         'how setpoints are published: ~/setpoints or ~/position_commands',
@@ -135,6 +145,7 @@ class Configuration(NamedTuple):
     topics: Mapping[str, Mapping[Input, str]]
     update_rate: float
     cycle_timeout: float
+    ready_timeout: float
     setpoint_interface: SetpointInterface
     serialized: bool
     home_sequence: tuple[tuple[str, ...], ...]
@@ -188,6 +199,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         topics,
         node['update_rate'],
         node['cycle_timeout'],
+        node['ready_timeout'],
         node['setpoint_interface'],
         node['serialized'],
         sequence,

@@ -92,6 +92,7 @@ class Error(TextEnum):
     SwitchStale = 'SwitchStale'
     SwitchUnknown = 'SwitchUnknown'
     PublisherConflict = 'PublisherConflict'
+    NoController = 'NoController'
     FollowingError = 'FollowingError'
     AxisMoving = 'AxisMoving'
     WrongDirection = 'WrongDirection'

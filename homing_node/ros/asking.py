@@ -13,20 +13,29 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
 
-class Question:
-    """One call of a service: sent when the service is there, given up after ``patience`` s.
+def of_interest(name: str) -> bool:
+    """Tell whether a parameter of a controller may matter: gains and the description do not."""
+    return not name.startswith(('gains.', 'robot_description', 'qos_overrides.'))
 
-    ``done`` tells whether the question needs no more polling; ``answer`` is None where nobody
-    answered.
+
+class Question:
+    """Calls of one service: sent when the service is there, given up after ``patience`` s.
+
+    ``done`` tells whether the call that was made last needs no more polling; ``answer`` is None
+    where nobody answered.
     """
 
     def __init__(self, node: Node, kind: Any, service: str, request: Any, patience: float) -> None:
+        self._node, self._request, self._patience = node, request, patience
+        self._client = node.create_client(kind, service)
+        self.ask()
+
+    def ask(self) -> None:
+        """Ask, once more if it was done before."""
         self.done = False
         self.answer: Any = None
-        self._node, self._request = node, request
-        self._client = node.create_client(kind, service)
         self._future: Any = None
-        self._until = time.monotonic() + patience
+        self._until = time.monotonic() + self._patience
 
     def poll(self) -> bool:
         """Send what can be sent, take what has come; return whether it is over."""
@@ -35,17 +44,15 @@ class Question:
         if self._future is None and self._client.service_is_ready():
             self._future = self._client.call_async(self._request)
         if self._future is not None and self._future.done():
-            self.answer = self._future.result()
-            self.close()
+            self.answer, self.done = self._future.result(), True
         elif time.monotonic() > self._until:
-            self.close()
+            self.done = True
         return self.done
 
     def close(self) -> None:
         """Ask no more."""
-        if not self.done:
-            self.done = True
-            self._node.destroy_client(self._client)
+        self.done = True
+        self._node.destroy_client(self._client)
 
 
 class Parameters:
@@ -71,10 +78,10 @@ class Parameters:
         """Go on reading; return whether it is over."""
         if self.done or not self._listing.poll():
             return self.done
+        if self._listing.answer is None:
+            self.close()
+            return True
         if self._getting is None:
-            if self._listing.answer is None:
-                self.done = True
-                return True
             self._names = [n for n in self._listing.answer.result.names if self._wanted(n)]
             self._getting = Question(
                 self._node,
@@ -84,7 +91,6 @@ class Parameters:
                 self._patience,
             )
         if self._getting.poll():
-            self.done = True
             answer = self._getting.answer
             if answer is not None and len(answer.values) == len(self._names):
                 read = map(parameter_value_to_python, answer.values)
@@ -93,10 +99,13 @@ class Parameters:
                     for name, value in zip(self._names, read, strict=True)
                     if value is not None
                 }
+            self.close()
         return self.done
 
     def close(self) -> None:
         """Ask no more."""
+        if self.done:
+            return
         self.done = True
         for question in (self._listing, self._getting):
             if question is not None:

@@ -32,7 +32,7 @@ from ..diagnosis.facts import (
 from ..parameters.configuration import Configuration, configuration
 from ..procedures.states import Input
 from . import graph, managers
-from .asking import Parameters
+from .asking import Parameters, of_interest
 from .managers import ManagerList
 
 #: The service by which a homing node is known.
@@ -49,11 +49,6 @@ class NoSuchNode(Exception):
     def __init__(self, node: str, there: list[str]) -> None:
         self.there = there
         super().__init__(node)
-
-
-def of_interest(name: str) -> bool:
-    """Tell whether a parameter of a controller may matter: gains and the description do not."""
-    return not name.startswith(('gains.', 'robot_description', 'qos_overrides.'))
 
 
 def examine(

@@ -168,38 +168,42 @@ class Inputs:
         for data, info in waiting(self._next_feedback):
             self._take_feedback(data, info)
 
-    def unready(self, name: str, publishers_of: Callable[[str], list[str]]) -> Outcome | None:
-        """Return why an axis's topics forbid a run, else None.
+    def conflict(self, name: str, publishers_of: Callable[[str], list[str]]) -> Outcome | None:
+        """Return which topic of an axis has two publishers, else None.
 
-        A switch has two publishers, or none, or has not been heard. ``publishers_of`` returns the
-        names of the nodes that publish a topic.
+        ``publishers_of`` returns the names of the nodes that publish a topic.
         """
-        unpublished, unheard = [], []
         for one in self._wired[name]:
             publishers = one.subscription.get_publisher_count()
             if publishers > 1:
                 topic = one.subscription.topic_name
-                nodes = ', '.join(publishers_of(topic))
                 return Outcome(
                     Error.PublisherConflict,
-                    (
-                        f'axis {name}: {publishers} publishers on {topic}: {nodes} (one that was '
-                        'killed stays listed for about 20 s)'
-                    ),
+                    f'axis {name}: {publishers} publishers on {topic}: '
+                    f'{", ".join(publishers_of(topic))} (one that was killed stays listed for '
+                    'about 20 s)',
                 )
-            if publishers == 0:
+        return None
+
+    def missing(self, name: str) -> list[Outcome]:
+        """Return everything that is not there yet of an axis: publishers, levels, feedback."""
+        unpublished, unheard = [], []
+        for one in self._wired[name]:
+            if one.subscription.get_publisher_count() == 0:
                 unpublished.append(one.name)
             elif not one.heard and one.source not in LATCHES:
                 unheard.append(one.name)
+        found = []
         if unpublished:
-            return Outcome(
-                Error.SwitchUnknown, f'axis {name}: nobody publishes {", ".join(unpublished)}'
-            )
+            found.append(f'nobody publishes {", ".join(unpublished)}')
         if unheard:
-            return Outcome(
-                Error.SwitchUnknown, f'axis {name}: no message yet from {", ".join(unheard)}'
-            )
-        return None
+            found.append(f'no message yet from {", ".join(unheard)}')
+        missing = [Outcome(Error.SwitchUnknown, f'axis {name}: {text}') for text in found]
+        if not self._axes[name].known:
+            joint = self._axes[name].parameters.joint or name
+            text = f'axis {name}: no feedback yet for joint {joint!r}'
+            missing.append(Outcome(Error.FeedbackStale, text))
+        return missing
 
     def watch(self) -> None:
         """Note which inputs have lost their publisher: that ends a run of their axis."""

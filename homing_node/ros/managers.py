@@ -27,7 +27,7 @@ class Known(NamedTuple):
 
 
 class ManagerList:
-    """The controllers of one manager, asked once."""
+    """The controllers of one manager."""
 
     def __init__(self, node: Node, service: str, patience: float) -> None:
         self.node = service.rpartition('/')[0]
@@ -37,9 +37,19 @@ class ManagerList:
             else Question(node, ListControllers, service, ListControllers.Request(), patience)
         )
 
+    def ask(self) -> None:
+        """Ask once more."""
+        if self._question is not None:
+            self._question.ask()
+
     def poll(self) -> bool:
         """Go on asking; return whether it is over."""
         return self._question is None or self._question.poll()
+
+    def close(self) -> None:
+        """Ask no more."""
+        if self._question is not None:
+            self._question.close()
 
     @property
     def controllers(self) -> dict[str, Known] | None:
@@ -55,5 +65,5 @@ class ManagerList:
 
 
 def services(node: Node) -> list[str]:
-    """Return the services of all controller managers that are there."""
+    """Return the services of all controller managers that are there and can be asked."""
     return graph.services_of_type(node, LIST_CONTROLLERS)

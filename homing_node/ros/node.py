@@ -29,12 +29,14 @@ from std_msgs.msg import Bool, Float64
 from std_srvs.srv import SetBool, Trigger
 
 from ..core.dispatch import Dispatch
-from ..core.outcome import Outcome
+from ..core.outcome import Outcome, together
+from ..diagnosis import facts
 from ..parameters.axis import AxisParameters
 from ..parameters.configuration import home_sequence
 from ..parameters.qos import POLICIES
 from ..procedures.states import Error
 from .configured_node import ConfiguredNode
+from .controllers import Controllers
 from .guarded_axis import GuardedAxis
 from .inputs import Inputs
 from .polling import Polled, never_called
@@ -111,10 +113,17 @@ class HomingNode(ConfiguredNode):
         for name in self._axes:
             self._inputs.wire(name, self.topics_of(name))
         self._dispatch: Dispatch[Future] = Dispatch(
-            self._axes, checked.home_sequence, self._unready, self._new_future
+            self._axes,
+            checked.home_sequence,
+            self._unready,
+            self._new_future,
+            checked.ready_timeout,
         )
         self._setpoints = INTERFACES[checked.setpoint_interface](
             self._axes, self._joints, self._period, self._create_setpoints, checked.serialized
+        )
+        self._controllers = Controllers(
+            self, self._setpoint_publisher, self._describe_setpoints, self._any_run, self._lose
         )
         self._create_publishers()
         self._create_services()
@@ -124,7 +133,30 @@ class HomingNode(ConfiguredNode):
 
     def _create_setpoints(self, kind: Any, topic: str) -> Any:
         """Create the publisher of a setpoint interface."""
-        return self.create_publisher(kind, topic, 1, qos_overriding_options=OVERRIDABLE)
+        self._setpoint_publisher = self.create_publisher(
+            kind, topic, 1, qos_overriding_options=OVERRIDABLE
+        )
+        return self._setpoint_publisher
+
+    def _describe_setpoints(self) -> facts.Setpoints:
+        """Return what the rules about controllers must know."""
+        axes = self._axes.items()
+        return facts.Setpoints(
+            self._setpoint_publisher.topic_name,
+            str(self.configuration.setpoint_interface),
+            tuple(self._joints.values()),
+            {self._joints[name]: (name, axis.parameters) for name, axis in axes},
+            self.configuration.update_rate,
+        )
+
+    def _any_run(self) -> bool:
+        return any(axis.running for axis in self._axes.values())
+
+    def _lose(self, outcome: Outcome) -> None:
+        """End every run: the controller that played the setpoints is gone, or another came."""
+        with self._lock:
+            for axis in self._axes.values():
+                axis.stop(outcome.error, outcome.message)
 
     def _new_future(self) -> Future:
         """Return what a request waits with; `_end_waits` sets it."""
@@ -204,15 +236,32 @@ class HomingNode(ConfiguredNode):
     def _ros_time(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
-    def _unready(self, name: str) -> Outcome | None:
-        """Return why an axis cannot home for a reason that only the node knows, else None."""
+    def _wrong(self, name: str) -> Outcome | None:
+        """Return why an axis cannot home for a reason that waiting does not mend, else None."""
         if name in self.faults:
             return Outcome(Error.InvalidParameter, '; '.join(self.faults[name]))
+        return (
+            self._inputs.conflict(name, self._publishers_of)
+            or self._controllers.conflict()
+            or self._controllers.verdict.wrong
+        )
+
+    def _missing(self, name: str) -> list[Outcome]:
+        """Return everything that an axis still needs for a run."""
         if self._timebase.now < FIRST_INSTANT:
-            return Outcome(
-                Error.FeedbackStale, 'use_sim_time is true, but /clock was not heard, or is at 0'
-            )
-        return self._setpoints.unready() or self._inputs.unready(name, self._publishers_of)
+            text = 'use_sim_time is true, but /clock was not heard, or is at 0'
+            return [Outcome(Error.FeedbackStale, text)]
+        missing = self._inputs.missing(name)
+        others = self._setpoints.unready()
+        if others is not None:
+            missing.append(others)
+        return [*missing, *self._controllers.verdict.missing]
+
+    def _unready(self, name: str) -> Outcome | None:
+        """Return why an axis cannot home now for a reason that only the node knows, else None."""
+        wrong = self._wrong(name)
+        missing = [] if wrong else self._missing(name)
+        return together(missing) if missing else wrong
 
     def _publishers_of(self, topic: str) -> list[str]:
         return sorted(
@@ -240,6 +289,8 @@ class HomingNode(ConfiguredNode):
             self._dispatch.groups = home_sequence(value, list(self._axes))
         elif name == 'cycle_timeout':
             self._cycle_timeout = float(value)
+        elif name == 'ready_timeout':
+            self._dispatch.ready_timeout = float(value)
 
     # ------------------------------------------------------------------------------------- cycle
 
@@ -334,10 +385,11 @@ class HomingNode(ConfiguredNode):
     def _cycle(self, now: float, due: float) -> None:
         """Poll the inputs, update the axes, publish setpoints, answer the requests that ended."""
         setpoints, changed = {}, False
+        watching = now - self._watched > WATCH_PERIOD
         with self._lock:
             if not self._inputs_ignored:
                 self._inputs.poll()
-                if now - self._watched > WATCH_PERIOD:
+                if watching:
                     self._watched = now
                     self._inputs.watch()
             if self._stop_requested:
@@ -358,6 +410,8 @@ class HomingNode(ConfiguredNode):
             self._setpoints.publish(message)
         if ended:
             self._reports.afterwards(self._end_waits, ended)
+        if watching and self._controllers.watch() and self.executor is not None:
+            self.executor.create_task(self._controllers.look)
         if finished:
             self._finish()
 

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node and the controller behind its setpoints, between real processes."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import ros_harness as ros
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from test_diagnosis import FORWARD, JTC
+from trajectory_msgs.msg import JointTrajectory
+
+SCRIPT = Path(__file__).with_name('controller_stand_in.py')
+TOPIC = '/axes_controller/joint_trajectory'
+REMAP = ('--ros-args', '-r', f'~/setpoints:={TOPIC}', '-r', f'~/position_commands:={TOPIC}')
+
+DEFAULTS = {
+    **JTC,
+    'allow_partial_joints_goal': False,
+    'interpolate_from_desired_state': False,
+}
+
+
+class Controller:
+    """A stand-in for a controller, as a process of its own."""
+
+    def __init__(self, world, parameters, interface='trajectory', **options):
+        given = {'name': 'axes_controller', 'parameters': parameters, 'topic': TOPIC}
+        self._process = subprocess.Popen(
+            [
+                sys.executable,
+                str(SCRIPT),
+                json.dumps({**given, 'interface': interface, **options}),
+            ],
+            env={**ros.os.environ, 'ROS_DOMAIN_ID': str(world.domain.number)},
+            stdin=subprocess.PIPE,
+            text=True,
+        )
+
+    def become(self, state, silently=False):
+        self._process.stdin.write(f'{"silently " if silently else ""}{state}\n')
+        self._process.stdin.flush()
+
+    def close(self):
+        self._process.stdin.close()
+        self._process.wait(10.0)
+
+
+@pytest.fixture
+def cell(tmp_path):
+    """Return what makes a node of two axes with its plant, and controllers beside it."""
+    opened = []
+
+    def make(controller=None, interface='trajectory', timeout=5.0, twice=False, **options):
+        axes = {'x': {'joint': 'x_joint'}, 'y': {'joint': 'y_joint'}}
+        world = ros.World(
+            tmp_path,
+            ros.node_parameters(axes, ready_timeout=timeout, setpoint_interface=interface),
+            ros.plant_parameters({name: dict(values) for name, values in axes.items()}),
+            arguments=REMAP[1:],
+        )
+        opened.append(world)
+        if controller is not None:
+            opened.append(Controller(world, controller, interface, **options))
+            world.controller = opened[-1]
+        world.kind = JointTrajectory if interface == 'trajectory' else Float64MultiArray
+        return world
+
+    yield make
+    for one in reversed(opened):
+        one.close()
+
+
+def refused(world):
+    """Ask once to home x; return the answer, once nothing was published."""
+    messages = world.client.record(world.kind, TOPIC)
+    return messages, world.client.answer(world.client.send(Trigger, 'x/home'))
+
+
+def test_case_31_nobody_listens(cell):
+    world = cell(timeout=1.5)
+    client = world.client
+    future = client.send(Trigger, 'x/home')
+    assert client.get('ready_timeout') == [1.5]  # it answers others while a request waits
+    assert not future.done()
+    answer = client.answer(future)
+    assert not answer.success
+    assert answer.message.startswith(f'NoController: nobody subscribes to {TOPIC}')
+    assert answer.message.endswith('after waiting for 1.5 s')
+
+
+def test_a_request_waits_for_its_controller(cell):
+    world = cell(timeout=20.0)
+    future = world.client.send(Trigger, 'x/home')
+    world.client.get('ready_timeout')
+    controller = Controller(world, JTC)
+    try:
+        answer = world.client.answer(future)
+    finally:
+        controller.close()
+    assert 'NoController' not in answer.message  # it began: nothing plays its setpoints
+
+
+def test_everything_that_is_missing_is_named_in_one_answer(cell):
+    world = cell(timeout=1.0)
+    world.plant.close()
+    world.client.watch(world.node)
+    world.processes.remove(world.plant)
+    answer = world.client.answer(world.client.send(Trigger, 'x/home'))
+    for text in ('home_switch', 'positive_limit_switch', 'no feedback yet', 'nobody subscribes'):
+        assert text in answer.message
+
+
+def test_a_request_that_waits_is_canceled(cell):
+    world = cell(timeout=60.0)
+    future = world.client.send(Trigger, 'x/home')
+    world.client.get('ready_timeout')
+    answer = world.client.trigger('x/cancel')
+    assert answer.success and 'not started: x' in answer.message
+    assert world.client.answer(future).message.startswith('Canceled')
+
+
+def test_the_node_ends_while_a_request_waits(cell):
+    world = cell(timeout=60.0)
+    future = world.client.send(Trigger, 'x/home')
+    world.client.get('ready_timeout')
+    world.client.watch()
+    world.node.signal()
+    assert world.client.answer(future).message.startswith('Canceled')
+    assert world.node.wait() == 0
+
+
+def test_case_12_two_nodes_of_one_name(cell):
+    world = cell(JTC)
+    second = world.run(
+        'homing_node',
+        ros.node_parameters({'x': {'joint': 'x_joint'}}, ready_timeout=5.0),
+        REMAP[1:],
+    )
+    client = world.client
+
+    def listed():
+        names = client.node.get_node_names()
+        return names.count('homing_node') == 2 and client.node.count_publishers(TOPIC) == 2
+
+    client.until(listed, what='two nodes')
+
+    def refuses():  # the nodes may find each other later than the client finds them
+        _, answer = refused(world)
+        return 'is published by /homing_node, too' in answer.message
+
+    client.until(refuses, what='PublisherConflict')
+    messages, answer = refused(world)
+    assert answer.message.startswith('PublisherConflict: ')
+    assert messages == []
+    client.watch(world.plant, world.node)
+    second.close()
+
+
+def test_another_publisher_is_named(cell):
+    world = cell(JTC)
+    other = world.client.node.create_publisher(JointTrajectory, TOPIC, 1)
+
+    def refuses():
+        _, answer = refused(world)
+        return answer.message.startswith('PublisherConflict: ') and '/client' in answer.message
+
+    world.client.until(refuses, what='PublisherConflict')
+    world.client.node.destroy_publisher(other)
+
+
+def test_case_30_joints_in_another_order(cell):
+    world = cell({**FORWARD, 'joints': ['y_joint', 'x_joint']}, 'position')
+    messages, answer = refused(world)
+    assert answer.message.startswith('NoController: /axes_controller has the joints ')
+    assert '[y_joint, x_joint]' in answer.message and '[x_joint, y_joint]' in answer.message
+    assert messages == []
+
+
+def test_case_33_a_controller_that_refuses_the_setpoints(cell):
+    world = cell(DEFAULTS)
+    messages, answer = refused(world)
+    assert answer.message.startswith('NoController: /axes_controller: allow_partial_joints_goal')
+    assert messages == []
+
+
+def test_case_32_a_tolerance_below_the_lag_is_named(cell):
+    world = cell({**JTC, 'constraints.x_joint.trajectory': 0.0002})
+    text = 'path-tolerance: axis x: /axes_controller: constraints.x_joint.trajectory is 0.0002'
+    world.client.until(lambda: text in world.node.output, what='a warning')
+
+
+def home_and_move(world):
+    """Start to home x; return the future of the answer once setpoints come."""
+    messages = world.client.record(world.kind, TOPIC)
+    future = world.client.send(Trigger, 'x/home')
+    world.client.until(lambda: messages or future.done(), what='setpoints')
+    assert not future.done(), future.result().message
+    return future
+
+
+def test_case_29_a_controller_that_leaves_active_ends_the_run(cell):
+    world = cell(JTC, state='active')
+    future = home_and_move(world)
+    world.controller.become('inactive')
+    answer = world.client.answer(future)
+    assert answer.message.startswith('NoController: axis x: /axes_controller became inactive')
+
+
+def test_case_29_a_controller_that_is_activated_in_a_run_ends_it(cell):
+    world = cell(JTC)
+    future = home_and_move(world)
+    world.controller.become('active')
+    answer = world.client.answer(future)
+    assert answer.message.startswith('NoController: axis x: /axes_controller became active')
+
+
+def test_case_29_a_controller_that_is_unloaded_ends_the_run(cell):
+    world = cell(JTC)
+    future = home_and_move(world)
+    world.controller.close()
+    answer = world.client.answer(future)
+    assert answer.message.startswith('NoController: axis x: ')
+
+
+def test_a_controller_that_was_deactivated_is_waited_for(cell):
+    world = cell(JTC)
+    home = world.client.send(Trigger, 'x/home')
+    world.client.answer(home)  # by then its transitions are heard
+    world.controller.become('inactive')
+    world.client.set(ready_timeout=0.3)
+
+    def inactive():
+        _, answer = refused(world)
+        return 'is inactive, not active' in answer.message
+
+    world.client.until(inactive, what='a refusal')
