@@ -39,7 +39,7 @@ lint: venv
 	$(VENV)/bin/ruff format --check --quiet .
 	$(VENV)/bin/mypy $(TYPED)
 
-test: lint
+test: lint $(VENV)/.test_interfaces
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(WORKERS)
 
 test-faults: venv
@@ -95,4 +95,10 @@ $(VENV)/.interfaces: $(VENV)/.requirements $(shell find interfaces -type f)
 $(VENV)/.package: $(VENV)/.interfaces setup.py setup.cfg pyproject.toml
 	@echo '[4/4] installing homing_node'
 	@$(PIP) --no-deps --editable .
+	@touch $@
+
+# Messages of ros2_control with the same names and layouts, for tests only.
+$(VENV)/.test_interfaces: $(VENV)/.interfaces $(shell find interfaces_for_tests -type f)
+	@echo 'building the interfaces for the tests (about a minute)'
+	@$(PIP) --no-deps --force-reinstall ./interfaces_for_tests/controller_manager_msgs
 	@touch $@

@@ -238,3 +238,66 @@ def test_a_controller_that_was_deactivated_is_waited_for(cell):
         return 'is inactive, not active' in answer.message
 
     world.client.until(inactive, what='a refusal')
+
+
+@pytest.fixture
+def managed(cell):
+    """Return a cell whose controller has a manager, and publishes no transitions."""
+    pytest.importorskip('controller_manager_msgs')
+
+    def make(state):
+        return cell(JTC, state=state, manager={'update_rate': 500})
+
+    return make
+
+
+def test_a_manager_says_that_the_controller_is_not_active(managed):
+    world = managed('inactive')
+    world.client.set(ready_timeout=2.0)
+    messages, answer = refused(world)
+    assert answer.message.startswith('NoController: /axes_controller is inactive, not active')
+    assert messages == []
+
+
+def test_a_request_waits_until_the_controller_is_active(managed):
+    world = managed('inactive')
+    future = world.client.send(Trigger, 'x/home')
+    world.client.get('ready_timeout')
+    world.controller.become('active', silently=True)
+    assert 'NoController' not in world.client.answer(future).message
+
+
+def test_case_29_a_manager_says_that_the_controller_has_left_active(managed):
+    world = managed('active')
+    future = home_and_move(world)
+    world.controller.become('inactive', silently=True)
+    answer = world.client.answer(future)
+    assert answer.message.startswith('NoController: axis x: /axes_controller became inactive')
+
+
+def test_an_unknown_listener_of_positions_gets_the_axes_held_first(cell):
+    """A listener whose joints cannot be read: the first setpoints of a run hold every axis."""
+    world = cell({'interface': 'unknown'}, 'position')
+    messages = world.client.record(world.kind, TOPIC)
+    home_and_move(world)
+    world.client.until(lambda: len({tuple(one.message.data) for one in messages}) > 5)
+    world.client.trigger('x/cancel')
+    held = list(messages[0].message.data)
+    still = [one for one in messages if list(one.message.data) == held]
+    assert still[-1].sent - still[0].sent > 0.19e9
+    assert held == pytest.approx([0.04, 0.04], abs=1e-4)
+    assert abs(messages[len(still)].message.data[0] - held[0]) < 1e-4  # the run begins there
+
+
+def test_an_unknown_listener_with_another_order_is_noticed_before_a_run(tmp_path):
+    """The plant has its axes in another order, and no parameters that can be read."""
+    with ros.World(
+        tmp_path,
+        ros.node_parameters({'x': {}, 'y': {}}, setpoint_interface='position', ready_timeout=5.0),
+        ros.plant_parameters({'y': {'start': 0.02}, 'x': {}}, setpoint_interface='position'),
+    ) as world:
+        messages = world.client.record(Float64MultiArray, 'position_commands')
+        answer = world.client.answer(world.client.send(Trigger, 'x/home'))
+        assert answer.message.startswith('NoController: axis x moved by ')
+        assert 'in the order x, y?' in answer.message
+        assert len({tuple(one.message.data) for one in messages}) == 1  # held, nothing else

@@ -205,6 +205,7 @@ def test_servo(client, setpoints):
     assert len(setpoints) == count
     setpoints.clear()
     client.start('long')
+    client.until(lambda: len(ros.course_of(setpoints, 'long')) > 10)
     client.trigger('long/cancel')
     ros.assert_stopped(client, setpoints, 'long', 0.5)
 

@@ -103,7 +103,7 @@ class Doctor:
 
     def examine(self, listen: float, discovery: float, lags: Mapping[str, float]) -> Facts:
         """Collect the facts; see :func:`examine`."""
-        if not self._until(lambda: self.target in self._homing_nodes(), discovery):
+        if not self._until(self._is_there, discovery):
             raise NoSuchNode(self.target, self._homing_nodes())
         values = self._parameters(self.target, lambda _: True)
         if values is None:
@@ -137,10 +137,7 @@ class Doctor:
             },
             managers=found_managers,
             sim_time=bool(values.get('use_sim_time', False)),
-            twins=sum(
-                graph.full_name(namespace, name) == self.target
-                for name, namespace in self._node.get_node_names_and_namespaces()
-            ),
+            twins=self._names().count(self.target),
             listened=listen,
             lags=lags,
         )
@@ -155,6 +152,14 @@ class Doctor:
                 return False
             self._executor.spin_once(timeout_sec=0.02)
         return True
+
+    def _names(self) -> list[str]:
+        """Return the full names of all nodes; a name stands there as often as nodes have it."""
+        nodes = self._node.get_node_names_and_namespaces()
+        return [graph.full_name(namespace, name) for name, namespace in nodes]
+
+    def _is_there(self) -> bool:
+        return self.target in self._homing_nodes() and self.target in self._names()
 
     def _homing_nodes(self) -> list[str]:
         ending = '/home/_action/send_goal'
@@ -174,8 +179,14 @@ class Doctor:
         interface = str(checked.setpoint_interface)
         kind = graph.SETPOINT_TYPES[interface]
         name, namespace = graph.split_name(self.target)
-        published = self._node.get_publisher_names_and_types_by_node(name, namespace)
-        topics = [topic for topic, kinds in published if kind in kinds]
+        topics: list[str] = []
+
+        def found() -> bool:
+            published = self._node.get_publisher_names_and_types_by_node(name, namespace)
+            topics.extend(topic for topic, kinds in published if kind in kinds)
+            return bool(topics)
+
+        self._until(found, PATIENCE)
         joints = tuple(checked.joints.values())
         own = 'setpoints' if interface == 'trajectory' else 'position_commands'
         return Setpoints(
@@ -216,7 +227,13 @@ class Doctor:
         return dict(self._node.get_subscriber_names_and_types_by_node(name, namespace))
 
     def _subscribed_of_type(self, kind: str) -> str:
-        topics = [topic for topic, kinds in self._subscribed().items() if kind in kinds]
+        topics: list[str] = []
+
+        def found() -> bool:
+            topics.extend(topic for topic, kinds in self._subscribed().items() if kind in kinds)
+            return bool(topics)
+
+        self._until(found, PATIENCE)
         return topics[0] if topics else graph.expand('joint_states', self.target)
 
     def _inputs(self, checked: Configuration) -> dict[tuple[str, Input], str]:

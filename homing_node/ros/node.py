@@ -39,10 +39,11 @@ from .configured_node import ConfiguredNode
 from .controllers import Controllers
 from .guarded_axis import GuardedAxis
 from .inputs import Inputs
+from .joint_order import JointOrder
 from .polling import Polled, never_called
 from .reports import Publishers, Reports
 from .services import Services
-from .setpoints import INTERFACES
+from .setpoints import INTERFACES, PositionSetpoints
 from .timebase import Lead, TimeBase, wake_precisely
 
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -125,6 +126,8 @@ class HomingNode(ConfiguredNode):
         self._controllers = Controllers(
             self, self._setpoint_publisher, self._describe_setpoints, self._any_run, self._lose
         )
+        by_place = isinstance(self._setpoints, PositionSetpoints)
+        self._order = JointOrder(self._axes, self._period) if by_place else None
         self._create_publishers()
         self._create_services()
         self.serve_parameters()
@@ -244,6 +247,7 @@ class HomingNode(ConfiguredNode):
             self._inputs.conflict(name, self._publishers_of)
             or self._controllers.conflict()
             or self._controllers.verdict.wrong
+            or (self._order and self._order.wrong)
         )
 
     def _missing(self, name: str) -> list[Outcome]:
@@ -255,7 +259,12 @@ class HomingNode(ConfiguredNode):
         others = self._setpoints.unready()
         if others is not None:
             missing.append(others)
-        return [*missing, *self._controllers.verdict.missing]
+        verdict = self._controllers.verdict
+        missing += verdict.missing
+        if self._order and not missing and not verdict.proven and not self._any_run():
+            unproven = self._order.missing
+            missing += [] if unproven is None else [unproven]
+        return missing
 
     def _unready(self, name: str) -> Outcome | None:
         """Return why an axis cannot home now for a reason that only the node knows, else None."""
@@ -404,6 +413,8 @@ class HomingNode(ConfiguredNode):
                 ended = self._dispatch.update(now)
             finished = self._dispatch.closed and self._dispatch.idle
             message = self._setpoints.message(setpoints)
+            if self._order and self._order.cycle(bool(setpoints)):
+                message = self._setpoints.hold(self._order.held)
         if message is not None:
             if not self._timebase.simulated:
                 self._lead.learn(time.monotonic() > due)

@@ -118,6 +118,10 @@ class PositionSetpoints:
             self._held.clear()
         return None
 
+    def hold(self, positions: Mapping[str, float]) -> Any:
+        """Return the array that tells every axis to stay at a raw position."""
+        return Float64MultiArray(data=[float(positions[name]) for name in self._axes])
+
     def publish(self, message: Any) -> None:
         """Publish an array of positions."""
         self._publisher.publish(message)

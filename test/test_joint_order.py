@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Holding the axes before a run, to see that each joint gets its own position."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from homing_node.parameters.axis import axis_parameters
+from homing_node.procedures.states import Error
+from homing_node.ros.joint_order import JointOrder
+
+PERIOD = 0.004
+P = axis_parameters({'home_type': 'HS', 'travel': 0.2}, 'x')
+
+
+def axis(position):
+    return SimpleNamespace(
+        position=position, hold_position=position + 0.25, homed=False, parameters=P
+    )
+
+
+@pytest.fixture
+def axes():
+    return {'x': axis(0.05), 'y': axis(0.1)}
+
+
+@pytest.fixture
+def order(axes):
+    return JointOrder(axes, PERIOD)
+
+
+def held_cycles(order):
+    cycles = 0
+    while order.cycle(moving=False):
+        cycles += 1
+    return cycles
+
+
+def test_nothing_is_held_unless_a_run_asks(order):
+    assert held_cycles(order) == 0
+    assert order.wrong is None
+
+
+def test_axes_that_stay_are_held_for_a_while_then_a_run_may_begin(order):
+    assert order.missing.error is Error.NoController
+    assert order.held == {'x': 0.3, 'y': 0.35}
+    assert held_cycles(order) == 50  # 0.2 s
+    assert order.missing is None
+    assert order.wrong is None
+
+
+def test_what_was_held_does_not_follow_the_feedback(order, axes):
+    assert order.missing
+    axes['x'].hold_position = axes['x'].position = 0.0501
+    assert order.cycle(moving=False)
+    assert order.held['x'] == 0.3  # as it was when the hold began
+
+
+def test_an_axis_that_moves_is_named(order, axes):
+    assert order.missing
+    assert order.cycle(moving=False)
+    axes['y'].position = 0.09  # 5 % of its travel
+    assert not order.cycle(moving=False)
+    assert order.wrong.error is Error.NoController
+    assert order.wrong.final
+    assert 'axis y moved by 0.01' in order.wrong.message
+    assert 'in the order x, y' in order.wrong.message
+
+
+def test_a_homed_axis_is_compared_raw(order, axes):
+    assert order.missing
+    x = axes['x']
+    x.homed, x.outcome = True, SimpleNamespace(home_offset=0.04)
+    x.position = 0.01
+    assert order.cycle(moving=False)
+    assert order.wrong is None
+
+
+def test_each_run_asks_anew(order):
+    assert order.missing
+    held_cycles(order)
+    assert order.missing is None
+    order.cycle(moving=True)
+    assert order.missing is not None
+
+
+def test_an_old_agreement_and_an_old_failure_do_not_count(order, axes):
+    assert order.missing
+    axes['y'].position = 0.0
+    for _ in range(400):
+        order.cycle(moving=False)
+    assert order.wrong is None
+    assert order.missing is not None
