@@ -230,12 +230,12 @@ class HomingClient:
             time.sleep(0.05)
 
     def _unheard(self, answer: Answer, axis: str) -> bool:
-        """Return whether a request was refused because the node has not heard its inputs.
+        """Return whether a request was refused because something is not there yet.
 
-        Only then nothing has moved. FeedbackStale can also end a run, which is then the error in
-        the state of its axis.
+        Only then nothing has moved. FeedbackStale and NoController can also end a run, and are
+        then the error in the state of its axis.
         """
-        if answer.error == Error.FeedbackStale:
+        if answer.error in (Error.FeedbackStale, Error.NoController):
             states = answer.states or ((self.state(axis),) if axis else ())
             return bool(states) and all(state.error != answer.error for state in states)
         return answer.error == Error.SwitchUnknown

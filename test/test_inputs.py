@@ -285,7 +285,7 @@ def test_a_changed_polarity_keeps_the_subscription(known):
     cell.axis.configure(rig('HS', invert_hs_polarity=known).parameters())
     cell.inputs.wire('x', {})
     assert cell.topics == before
-    assert cell.inputs.unready('x', lambda _: []) is None
+    assert cell.inputs.missing('x') == []
     refusal = cell.axis.refusal(cell.clock.now)
     assert refusal is None, refusal
 

@@ -395,11 +395,12 @@ class HomingNode(ConfiguredNode):
         """Poll the inputs, update the axes, publish setpoints, answer the requests that ended."""
         setpoints, changed = {}, False
         watching = now - self._watched > WATCH_PERIOD
+        if watching:
+            self._watched = now
         with self._lock:
             if not self._inputs_ignored:
                 self._inputs.poll()
                 if watching:
-                    self._watched = now
                     self._inputs.watch()
             if self._stop_requested:
                 self._dispatch.close()
