@@ -199,7 +199,7 @@ class Inputs:
         if unheard:
             found.append(f'no message yet from {", ".join(unheard)}')
         missing = [Outcome(Error.SwitchUnknown, f'axis {name}: {text}') for text in found]
-        if not self._axes[name].known:
+        if not self._axes[name].readings.known:
             joint = self._axes[name].parameters.joint or name
             text = f'axis {name}: no feedback yet for joint {joint!r}'
             missing.append(Outcome(Error.FeedbackStale, text))
