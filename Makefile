@@ -48,7 +48,7 @@ test-faults: venv
 	  test/test_node_faults.py
 
 fuzz: venv
-	HOMING_FUZZ=1 $(VENV)/bin/python -m pytest -q test/test_invariants.py \
+	HOMING_FUZZ=1 $(VENV)/bin/python -m pytest -q test/test_invariants.py test/test_edge_fuzz.py \
 	  test/test_node_faults.py::test_any_messages_in_any_order \
 	  test/test_node_life.py::test_homings_in_a_row
 

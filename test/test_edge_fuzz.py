@@ -9,6 +9,7 @@ import dataclasses
 import math
 import os
 import random
+import statistics
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -21,9 +22,8 @@ from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
 from homing_node.procedures.states import Error
 from homing_node.rehearsal.run import Rehearsal, Transport
 
-RUNS = 20_000 if os.environ.get('HOMING_FUZZ') else 400
-#: Runs in one test.
-BATCH = 100
+#: Tests for each driver, and runs in each test.
+BATCHES, RUNS = (50, 100) if os.environ.get('HOMING_FUZZ') else (1, 40)
 #: What computing rounds, m.
 ROUNDING = 1e-9
 TYPES = ('HS', 'HSHS', 'HSOff', 'LS')
@@ -211,18 +211,36 @@ def assert_starts_smoothly(made):
     assert velocity == 0.0
 
 
-def batches():
-    return range(max(1, RUNS // BATCH // len(DRIVERS)))
+def runs(driver, batch, count, home_type=None):
+    """Make some runs with a driver."""
+    name = driver.__name__
+    return [trial(f'{name} {home_type} {batch} {n}', driver, home_type) for n in range(count)]
 
 
-def runs(driver, batch, count=BATCH, **more):
-    return [trial(f'{driver.__name__} {batch} {n}', driver, **more) for n in range(count)]
+def off(found):
+    """Return the homed runs whose home is further off than they say."""
+    return [
+        one for one in found if one.error is Error.NoError and one.off > one.uncertainty + ROUNDING
+    ]
 
 
-@pytest.mark.parametrize('batch', batches())
+@pytest.mark.parametrize('batch', range(BATCHES))
 @pytest.mark.parametrize('driver', DRIVERS, ids=lambda driver: driver.__name__)
 def test_a_home_is_never_further_off_than_it_says(driver, batch):
-    found = runs(driver, batch)
+    """And it says no more than 1.2 times what the messages leave open, in the median.
+
+    A lost message may keep a run from its home, never spoil the home.
+    """
+    found = runs(driver, batch, RUNS)
     homed = [one for one in found if one.error is Error.NoError]
-    off = [one for one in homed if one.off > one.uncertainty + ROUNDING]
-    assert not off
+    assert len(homed) >= 0.9 * len(found)
+    assert len(off(found)) <= len(found) // 1000
+    assert statistics.median(one.uncertainty / one.open for one in homed) <= 1.2
+
+
+@pytest.mark.parametrize('batch', range(BATCHES))
+@pytest.mark.parametrize('driver', DRIVERS[2:], ids=lambda driver: driver.__name__)
+def test_a_second_pass_always_agrees_when_the_switch_is_polled(driver, batch):
+    found = runs(driver, batch, RUNS // 2, 'HSHS')
+    assert [one.message for one in found if one.error is Error.EdgeNotRepeated] == []
+    assert off(found) == []

@@ -49,7 +49,7 @@ class Readings:
         self.unsettled = False
         self._parameters = parameters
         self._sign = 1.0
-        self._below_zero = False  # the driver's range of a wrapped joint begins below zero
+        self._from_zero = False  # the driver publishes a wrapped joint from 0 on, not around 0
         self._bounces_before: dict[Input, int] = {}
         self.configure(parameters)
 
@@ -92,7 +92,7 @@ class Readings:
         """
         track = self.track
         if self._parameters.wrap:
-            self._below_zero = self._below_zero or position < 0.0
+            self._from_zero = self._from_zero or position > 0.5 * self._parameters.wrap
             position = self.unwrapped(position)
         step = self._sign * position - track.position
         jumped = self.known and abs(abs(step) - TURN) < A_TURN * TURN
@@ -118,7 +118,7 @@ class Readings:
         wrap = self._parameters.wrap
         if not wrap or not self._parameters.wrap_setpoints:
             return position
-        low = -0.5 * wrap if self._below_zero else 0.0
+        low = 0.0 if self._from_zero else -0.5 * wrap
         return low + (position - low) % wrap
 
     def switch(

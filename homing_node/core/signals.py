@@ -120,7 +120,7 @@ class Edge(Mark):
         grain = track.grain if track.grain < inf else 0.0
         self.speed = max(max(steps) - grain, sum(steps) / len(steps)) / interval
         moved = self.speed * doubt
-        if doubt > len(near) * interval:  # it may have been faster than it is near the edge
+        if doubt > 1.5 * interval:  # it may have been faster than it is near the edge
             low, high = track.extent(begin - doubt, min(end + doubt, track.samples[-1][0]))
             first, last = track.extent(begin, end)
             moved = max(moved, first - low, high - last)
