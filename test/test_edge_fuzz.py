@@ -133,7 +133,9 @@ def trial(seed, driver, home_type=None):
             transport, read_rate=10 ** chance.uniform(math.log10(20.0), math.log10(500.0))
         )
     elif kind < 0.5:
-        transport = dataclasses.replace(transport, header_offset=chance.uniform(-0.2, 0.2))
+        transport = dataclasses.replace(
+            transport, header_offset=chance.choice((-1, 1)) * chance.uniform(1.1 * OWN_CLOCK, 0.2)
+        )
     stamp_error = jittering + (0.0 if told_late else late) or 1e-5
     values = {
         'home_type': home_type,

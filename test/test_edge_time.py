@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which times the messages of a switch leave open for an edge."""
 
+import importlib.util
 import random
+from pathlib import Path
 
 import pytest
 
@@ -109,3 +111,11 @@ def test_time_that_is_set_back_opens_no_gap_of_hours():
     messages, _ = heard(0.1)
     messages.set_back(-100.0)
     assert messages.change(-99.95, 0.0).gap == pytest.approx(0.05)
+
+
+def test_the_figure_is_generated():
+    root = Path(__file__).resolve().parent.parent
+    spec = importlib.util.spec_from_file_location('edges_page', root / 'scripts' / 'edges.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert (root / 'doc' / 'edges.svg').read_text() == module.svg(module.recorded())
