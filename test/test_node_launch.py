@@ -8,14 +8,16 @@ import ros_harness as ros
 from launch_stand_in import launched
 
 DEMO = Path(__file__).resolve().parent.parent / 'launch' / 'demo.launch.py'
+TOPIC = '/axes/position_commands'
 
 
 @pytest.mark.parametrize(
     'arguments',
     [
         {'namespace': 'cell'},
+        {'namespace': 'cell', 'setpoint_topic': TOPIC, 'setpoint_interface': 'position'},
     ],
-    ids=['namespace'],
+    ids=['namespace', 'topic and interface'],
 )
 def test_the_demo_homes_in_a_namespace(arguments, tmp_path, monkeypatch):
     generated, folder = tmp_path / 'generated', tmp_path / 'run'

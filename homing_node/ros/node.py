@@ -453,11 +453,18 @@ class HomingNode(ConfiguredNode):
             self.executor.create_task(never_called)
 
     def _end_waits(self, futures: Sequence[Future]) -> None:
-        """Let the executor set the futures of requests that have ended."""
+        """Let the executor set the futures of requests that have ended.
+
+        The executor must be woken once more: Kilted's may have looked at the coroutine that waits
+        before it ran this task.
+        """
+        executor = self.executor
+        if executor is None:
+            return
 
         def end() -> None:
             for future in futures:
                 future.set_result(None)
+            executor.wake()
 
-        if self.executor is not None:
-            self.executor.create_task(end)
+        executor.create_task(end)
