@@ -63,8 +63,10 @@ def own_names(name, classes):
 class Rules(ast.NodeVisitor):
     """Collects the places of one module that break a rule."""
 
-    def __init__(self, classes):
+    def __init__(self, classes, here):
         self.classes = classes
+        self.here = here  # the classes of this module
+        self.typed = {}  # arguments of the functions around the place → their class, if of here
         self.owned = [set()]  # the private names of the classes around the place
         self.found = []
 
@@ -76,8 +78,20 @@ class Rules(ast.NodeVisitor):
         self.generic_visit(node)
         self.owned.pop()
 
+    def visit_FunctionDef(self, node):
+        before = self.typed
+        self.typed = dict(before)
+        for argument in node.args.args:
+            kind = getattr(argument.annotation, 'id', getattr(argument.annotation, 'value', ''))
+            if kind in self.here:
+                self.typed[argument.arg] = kind
+        self.generic_visit(node)
+        self.typed = before
+
     def visit_Attribute(self, node):
-        ours = self.owned[-1] | own_names(getattr(node.value, 'id', ''), self.classes)
+        owner = getattr(node.value, 'id', '')
+        owner = self.typed.get(owner, owner if owner in self.here else '')
+        ours = self.owned[-1] | own_names(owner, self.classes)
         if is_private(node.attr) and node.attr not in ours:
             self.broken(node, f'{ast.unparse(node)} is private to another class')
         if node.attr in ('environb', 'putenv', 'unsetenv'):
@@ -127,7 +141,8 @@ class Rules(ast.NodeVisitor):
 
 def broken_rules(source, classes=None):
     tree = ast.parse(source)
-    rules = Rules(classes_of([tree]) if classes is None else classes)
+    here = classes_of([tree])
+    rules = Rules(here if classes is None else classes, set(here))
     rules.visit(tree)
     return rules.found
 
@@ -188,6 +203,9 @@ ALLOWED = {
         '        return self._f()'
     ),
     'own class by its name': ('class Own:\n    def _f(self): ...\nTABLE = {1: Own._f}'),
+    'argument of a class of the same module': (
+        "class Own:\n    def _f(self): ...\ndef wrap(self: 'Own'):\n    return self._f()"
+    ),
     'slots': ("class Own:\n    __slots__ = ('_x',)\n    def f(self):\n        return self._x"),
     'named tuple': 'layout._replace(start=0.1)',
     'dunder': 'kind.__name__',

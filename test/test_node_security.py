@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The SROS2 policy allows what the running processes do, and names no more than they can do."""
+
+from fnmatch import fnmatchcase
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import ros_harness as ros
+from rclpy.action import get_action_server_names_and_types_by_node
+
+from homing_node.procedures.states import Input
+
+POLICY = Path(__file__).resolve().parent.parent / 'config' / 'sros2_policy.xml'
+#: Names that no process of this test has: the time is real, the interface is `trajectory`.
+ELSEWHERE = {'/clock', '/homing_node/position_commands'}
+
+
+def allowed():
+    """Return (node, list, right) → the full names that the policy allows, * for any axis."""
+    found = {}
+    for profile in ElementTree.parse(POLICY).iter('profile'):
+        namespace, node = profile.get('ns'), profile.get('node')
+        for rules in profile:
+            ((right, rule),) = rules.attrib.items()
+            assert rule == 'ALLOW'
+            found[node, rules.tag, right] = {
+                full_name(entry.text, namespace, node) for entry in rules
+            }
+    return found
+
+
+def full_name(name, namespace, node):
+    if name.startswith('~'):
+        return f'{namespace}{node}{name[1:]}'
+    return name if name.startswith('/') else f'{namespace}{name}'
+
+
+def used(graph, node):
+    """Return (list, right) → the names that a node has in the graph."""
+
+    def names(found):
+        return {name for name, _ in found if '/_action/' not in name}
+
+    return {
+        ('topics', 'publish'): names(graph.get_publisher_names_and_types_by_node(node, '/')),
+        ('topics', 'subscribe'): names(graph.get_subscriber_names_and_types_by_node(node, '/')),
+        ('services', 'reply'): names(graph.get_service_names_and_types_by_node(node, '/')),
+        ('services', 'request'): names(graph.get_client_names_and_types_by_node(node, '/')),
+        ('actions', 'execute'): names(get_action_server_names_and_types_by_node(graph, node, '/')),
+    }
+
+
+@pytest.fixture(scope='module')
+def seen(tmp_path_factory):
+    """Run a node with one axis that has every input, and the simulated axes for it."""
+    inputs = {
+        'x': {
+            'switches': [str(i) for i in Input],
+            'near_ls_type': 'Dec',
+            'external_ls_type': 'Dec',
+        }
+    }
+    pairs = {f'{kind}_negative_limit_switch': [-0.055, 0.0] for kind in ('near', 'external')}
+    pairs |= {f'{kind}_positive_limit_switch': [0.08, 0.135] for kind in ('near', 'external')}
+    plant = ros.plant_parameters({'x': {**pairs, 'touch_probe': 0.05}})
+    with ros.World(
+        tmp_path_factory.mktemp('security'), ros.node_parameters(inputs), plant
+    ) as world:
+        graph = world.client.node
+
+        def complete():
+            if not {'homing_node', 'simulated_axes'} <= set(graph.get_node_names()):
+                return None
+            found = {name: used(graph, name) for name in ('homing_node', 'simulated_axes')}
+            node, axes = found['homing_node'], found['simulated_axes']
+            return (
+                node['actions', 'execute']
+                and '/homing_node/x/servo' in node['services', 'reply']
+                and '/homing_node/setpoints' in axes['topics', 'subscribe']
+                and found
+            )
+
+        world.client.until(complete, what='the whole graph')
+        world.client.pass_time(1.0)  # what comes late must be allowed, too
+        yield complete()
+
+
+@pytest.mark.parametrize('node', ['homing_node', 'simulated_axes'])
+def test_the_policy_allows_what_a_process_does(seen, node):
+    for (kind, right), names in seen[node].items():
+        rules = allowed().get((node, kind, right), set())
+        missing = {name for name in names if not any(fnmatchcase(name, rule) for rule in rules)}
+        assert missing == set(), (kind, right)
+
+
+@pytest.mark.parametrize('node', ['homing_node', 'simulated_axes'])
+def test_the_policy_allows_nothing_that_a_process_does_not_do(seen, node):
+    ours = {key: rules for key, rules in allowed().items() if key[0] == node}
+    assert ours
+    for (_, kind, right), rules in ours.items():
+        names = seen[node][kind, right]
+        useless = {rule for rule in rules if not any(fnmatchcase(n, rule) for n in names)}
+        assert useless <= ELSEWHERE | {'/parameter_events', '/rosout'}, (kind, right)
