@@ -12,15 +12,20 @@ from trajectory_msgs.msg import JointTrajectory
 
 #: The executable's module under each set of rules.
 RULES = {'installed': 'homing_node.ros.main', '7.1.9': 'rclpy_7_1_9'}
-#: More of a core than this, on top of the installed rclpy's share, is an executor that spins.
-NOISE = 0.15
+#: More of a core than this, on top of the installed rclpy's share, is an executor that spins. (It
+#: took 0.96 of a core instead of 0.18 with a coroutine that yields None, and 3.3 times as long.)
+NOISE = 0.3
+#: Homes with each set of rules; the best one counts, for other processes may hold one up.
+HOMES = 3
+#: How much longer a home may take.
+LONGER = 1.5
 #: How long the answer of a node that has ended may take, s.
 FAREWELL = 2.0
 TICK = os.sysconf('SC_CLK_TCK')
 
 
 class Seen(NamedTuple):
-    """One home of an axis, and the end of the node in the middle of the next one."""
+    """Some homes of an axis, and the end of the node in the middle of another one."""
 
     share: float  # of a core, while the request waited
     took: float  # s, from the first setpoint to the last one
@@ -41,12 +46,16 @@ def see(folder):
     parameters = ros.node_parameters({'x': {'homing_velocity_fast': 0.01}})
     with ros.World(folder, parameters, ros.plant_parameters({'x': {}})) as world:
         client = world.client
-        setpoints = client.record(JointTrajectory, 'setpoints')
-        waiting = client.start('x')
-        began, used = time.monotonic(), processor_time(world.node)
-        answer = client.answer(waiting, 40.0)
-        share = (processor_time(world.node) - used) / (time.monotonic() - began)
-        course = ros.course_of(setpoints, 'x')
+        shares, times, answers = [], [], []
+        for _ in range(HOMES):
+            setpoints = client.record(JointTrajectory, 'setpoints')
+            waiting = client.start('x')
+            began, used = time.monotonic(), processor_time(world.node)
+            answers.append(client.answer(waiting, 40.0).success)
+            shares.append((processor_time(world.node) - used) / (time.monotonic() - began))
+            course = ros.course_of(setpoints, 'x')
+            times.append((course[-1].sent - course[0].sent) * 1e-9)
+            client.forget(setpoints)
         waiting = client.start('x')
         client.watch()
         world.node.signal()
@@ -54,14 +63,8 @@ def see(folder):
         end = time.monotonic() + FAREWELL
         client.until(lambda: waiting.done() or time.monotonic() > end)
         world.processes.remove(world.node)
-        return Seen(
-            share,
-            (course[-1].sent - course[0].sent) * 1e-9,
-            answer.success,
-            status,
-            waiting.result().message if waiting.done() else 'none',
-            world.node.output,
-        )
+        message = waiting.result().message if waiting.done() else 'none'
+        return Seen(min(shares), min(times), all(answers), status, message, world.node.output)
 
 
 @pytest.fixture(scope='module')
@@ -79,7 +82,7 @@ def seen(tmp_path_factory):
 
 def test_the_axis_homes_in_the_same_time(seen):
     assert all(one.success for one in seen.values())
-    assert seen['7.1.9'].took == pytest.approx(seen['installed'].took, rel=0.3)
+    assert seen['7.1.9'].took < LONGER * seen['installed'].took
 
 
 def test_a_request_that_waits_costs_no_processor_time(seen):
