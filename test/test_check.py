@@ -209,13 +209,6 @@ WITHOUT = [  # no layout is needed
         right=0.05,
     ),
     Case('accuracy', WARNING, timing=Timing(feedback_rate=100.0, accuracy=1e-6), right=0.0005),
-    Case(
-        'edge-tolerance',
-        WARNING,
-        {'edge_tolerance': 1e-5},
-        timing=Timing(feedback_rate=100.0),
-        right=1e-4,
-    ),
     Case('second-pass-fast', INFO, {'homing_velocity_slow': 0.05}, right=0.005),
     Case(
         'run-up',
@@ -226,6 +219,17 @@ WITHOUT = [  # no layout is needed
 ]
 
 WITH = [
+    Case('hard-stop', WARNING, layout={'switch_rate': 5.0}, words='goes on by 0.0122 m'),
+    Case(
+        'index-margin',
+        WARNING,
+        {'home_type': 'HSZPulse', 'switches': Z},
+        layout={'switch_rate': 5.0},
+        words='read 5 times a second',
+    ),
+    Case('accuracy', INFO, layout={'switch_rate': 0.0}, words='within 1e-05 m'),
+    Case('accuracy', INFO, layout={'switch_rate': 50.0}, words='within 6e-05 m'),
+    Case('accuracy', WARNING, layout={'switch_rate': 5.0}, words='0.00051 m', right=0.00098),
     Case('fitted-unwired', WARNING, {'switches': [HS, AHEAD]}, right=f'with {BEHIND}'),
     Case('fitted-unwired', INFO, right='with z_pulse'),
     Case('place-unknown', INFO, flags={BEHIND: None}, words=BEHIND),

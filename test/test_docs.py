@@ -321,6 +321,8 @@ def test_every_parameter_that_is_named_exists():
     known = {
         *DEFINITIONS,
         *Input,
+        *(field.name for field in dataclasses.fields(Settings)),
+        *AxisLayout._fields,
         'homing_node',
         'homing_interfaces',
         'home_sequence',

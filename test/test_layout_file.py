@@ -126,3 +126,27 @@ def test_a_file_that_cannot_be_read(tmp_path):
     (tmp_path / 'binary').write_bytes(b'\xff\xfe\x00')
     with pytest.raises(InvalidLayout, match='UTF-8'):
         load(tmp_path / 'binary')
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        'switch_rate: 50\nx: {}\ny: {switch_rate: 0}\n',
+        '/**: {ros__parameters: {switch_rate: 50.0, x.lag: 0.0, y.switch_rate: 0.0}}',
+    ],
+)
+def test_how_often_the_switches_are_read(tmp_path, text):
+    layouts = read(tmp_path, text).layouts
+    assert list(layouts) == ['x', 'y']
+    assert (layouts['x'].switch_rate, layouts['x'].switch_period) == (50.0, 0.02)
+    assert (layouts['y'].switch_rate, layouts['y'].switch_period) == (0.0, 0.0)
+
+
+def test_what_is_true_of_all_axes_stands_in_a_plain_file_too(tmp_path):
+    found = read(tmp_path, 'feedback_rate: 100\ndead_time: null\nx: {}\n')
+    assert (found.feedback_rate, found.dead_time) == (100.0, None)
+    assert found.layouts['x'].switch_rate is None
+    with pytest.raises(
+        InvalidLayout, match=r'switch_rate: -1\.0 Hz must be 0 or >= 0\.1 and <= 5000 Hz'
+    ):
+        read(tmp_path, 'switch_rate: -1\nx: {}\n')

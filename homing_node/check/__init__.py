@@ -13,7 +13,6 @@ from ..parameters.axis import AxisParameters
 from ..parameters.configuration import Configuration
 from ..plant.layout import AxisLayout
 from ..plant.timing import Timing
-from ..procedures.states import Input
 from .accuracy import Accuracy
 from .final_move import FinalMove
 from .finding import Finding, Severity, in_unit, worst_first
@@ -106,8 +105,7 @@ def _found(
         *WiredInputs(axis, parameters, timing).check(layout is not None),
         *ParametersOnly(axis, parameters, timing).check(layout is not None),
     ]
-    home = layout.switches.get(Input.HOME_SWITCH) if layout else None
-    found += Accuracy(axis, parameters, timing).check(home.hysteresis if home else 0.0)
+    found += Accuracy(axis, parameters, timing).check(layout)
     if layout is not None:
         for part in WITH_LAYOUT:
             found += part(axis, parameters, layout, timing).check()

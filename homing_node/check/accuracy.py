@@ -1,27 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks how exactly home is found: the rate of the feedback, and the second pass."""
+"""Checks how exactly home is found: the rates of feedback and switches, and the second pass."""
 
 from collections.abc import Iterator
 
+from ..parameters.units import Unit
+from ..plant.layout import AxisLayout
 from ..procedures.events import Event
 from ..procedures.motions import Pace
-from ..procedures.states import HomeType
+from ..procedures.states import HomeType, Input
 from ..procedures.steps import HOME_SHIFT
 from .axis_check import AxisCheck
 from .finding import Finding, Severity, down, up
 from .stopping import stopping_distance
 
+#: The edges of switches.
+EDGES = frozenset({Event.HS_RISES, Event.HS_FALLS, Event.LS_RISES, Event.LS_FALLS})
+#: A home that a polled switch leaves open by more than this is worth a warning: of a linear axis,
+#: m; of a rotary axis, as part of its travel.
+FINE, FINE_PART = 1e-4, 1e-3
+
 
 class Accuracy(AxisCheck):
-    """Feedback that is too slow, and passes that gain nothing."""
+    """Feedback or switches that are too slow, and passes that gain nothing."""
 
-    def check(self, hysteresis: float = 0.0) -> Iterator[Finding]:
-        """Yield the findings; the hysteresis of the home switch in m lengthens the run-up."""
+    def check(self, layout: AxisLayout | None = None) -> Iterator[Finding]:
+        """Yield the findings; a layout tells how the switches are published, and hysteresis."""
+        home = layout.switches.get(Input.HOME_SWITCH) if layout else None
         yield from self.feedback()
-        yield from self.second_pass(hysteresis)
+        yield from self.edges(layout.switch_rate if layout else None)
+        yield from self.second_pass(home.hysteresis if home else 0.0)
 
     def feedback(self) -> Iterator[Finding]:
-        """Check the feedback rate against the timeouts, the speeds, the accuracy."""
+        """Check the feedback rate against the timeout."""
         p, rate = self.p, self.timing.feedback_rate
         if rate is None:
             return
@@ -38,40 +48,53 @@ class Accuracy(AxisCheck):
                 up(5.0 / rate),
                 's',
             )
-        accuracy = self.timing.accuracy
+
+    def edges(self, switch_rate: float | None) -> Iterator[Finding]:
+        """Tell how exactly each edge is known that becomes the home, and whether that is enough.
+
+        Args:
+            switch_rate: how often the switches are read and published, Hz; 0: on change, None: not
+                known.
+        """
         for row in self.rows:
             for event, target in row.on.items():
-                if target != HOME_SHIFT or event in (Event.Z_PULSE, Event.TOUCH_PROBE):
-                    continue
-                velocity = p.pace(row.motion.pace)[0]
-                doubt = min(1.0 / rate, p.switch_stamp_error)
-                if accuracy and velocity * doubt > accuracy:
-                    yield self.found(
-                        Severity.warning,
-                        'accuracy',
-                        f'the edge is taken at {velocity:g} m/s and known to within '
-                        f'{velocity * doubt:.3g} m, not {accuracy:g} m',
-                        f'the feedback comes every {1.0 / rate:g} s, stamps of switches are good '
-                        f'to {p.switch_stamp_error:g} s (switch_stamp_error): go slower, or '
-                        'better one of them',
-                        str(row.motion.pace),
-                        velocity * doubt,
-                        down(accuracy / doubt),
-                        'm/s',
-                    )
-        doubt = p.homing_velocity_fast * min(1.0 / rate, p.switch_stamp_error)
-        if p.home_type is HomeType.HSHS and doubt > p.edge_agreement:
-            yield self.found(
-                Severity.warning,
-                'edge-tolerance',
-                f'the first pass knows its edge to within {doubt:.3g} m, edge_tolerance is '
-                f'{p.edge_agreement:.3g} m',
-                'the passes may disagree without a fault (EdgeNotRepeated)',
-                'edge_tolerance',
-                p.edge_agreement,
-                up(doubt),
-                'm',
-            )
+                if target == HOME_SHIFT and event in EDGES:
+                    yield from self._edge(row.motion.pace, switch_rate)
+                    break
+
+    def _edge(self, pace: Pace, switch_rate: float | None) -> Iterator[Finding]:
+        """Tell how exactly an edge is known that is met at a pace."""
+        p, wanted = self.p, self.timing.accuracy
+        velocity = p.pace(pace)[0]
+        gap = 0.5 / switch_rate if switch_rate else 0.0
+        doubt = gap + p.switch_stamp_error
+        known = velocity * doubt
+        if wanted is None:
+            enough = not switch_rate or known <= self._fine
+            needed = self._fine
+        else:
+            enough, needed = known <= wanted, wanted
+        if enough and switch_rate is None:
+            return
+        because = f'stamps are good to {p.switch_stamp_error:g} s (switch_stamp_error)'
+        if switch_rate:
+            because = f'the switch is read {switch_rate:g} times a second (switch_rate), {because}'
+        yield self.found(
+            Severity.info if enough else Severity.warning,
+            'accuracy',
+            f'the edge that becomes the home is taken at {velocity:g} m/s and known to within '
+            f'{known:.2g} m' + ('' if enough else f', not {needed:g} m'),
+            because + ('' if enough else ': go slower, or better one of them'),
+            str(pace),
+            known,
+            None if enough else down(needed / doubt),
+            'm/s',
+        )
+
+    @property
+    def _fine(self) -> float:
+        """How exactly home must be known where the user does not say it, m."""
+        return FINE_PART * self.p.travel if self.p.unit is Unit.rad else FINE
 
     def second_pass(self, hysteresis: float) -> Iterator[Finding]:
         """Find a second pass that is not slower, or has no room to become so."""

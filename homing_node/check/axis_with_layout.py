@@ -67,7 +67,7 @@ class AxisWithLayout(AxisCheck):
         self.layout = layout
         self.at = Geometry(parameters, layout)
         self.limits = limits_of(parameters)
-        self.delay = timing.reaction(parameters, layout.lag)
+        self.delay = timing.reaction(parameters, layout.lag) + layout.switch_period
 
     def found(
         self,

@@ -37,7 +37,6 @@ OF_PLACES = frozenset(
 OF_SPEED = frozenset(
     {
         'accuracy',
-        'edge-tolerance',
         'end-following-error',
         'end-too-early',
         'flag-bounce',

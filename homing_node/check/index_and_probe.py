@@ -4,7 +4,7 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from ..plant.geometry import Flag, arming_edge, index_pulse
+from ..plant.geometry import Flag, arming_edge, entries, index_pulse
 from ..procedures.events import Event
 from ..procedures.motions import Way
 from ..procedures.procedure import Row
@@ -53,7 +53,11 @@ class IndexAndProbe(AxisWithLayout):
             needed = pitch if count > 1 else 0.0
             if armed and last is not None:
                 distance = last - (count - 1) * pitch - armed[1]
-                yield from self._margin(armed[0], distance - p.z_pulse_arm_delay, row.motion.way)
+                fastest = max(p.pace(before.motion.pace)[0] for before, _ in entries(p, step))
+                unsure = 0.5 * fastest * self.layout.switch_period
+                yield from self._margin(
+                    armed[0], distance - p.z_pulse_arm_delay, row.motion.way, unsure
+                )
                 yield from self._comes_first(row, last, count)
                 needed = max(distance, needed)
             yield from self._pulse_bound(needed)
@@ -69,12 +73,19 @@ class IndexAndProbe(AxisWithLayout):
                 '',
             )
 
-    def _margin(self, name: str, distance: float, way: Way) -> Iterator[Finding]:
-        """Check how far behind the arming edge the pulse comes: best is half a pitch."""
-        pitch, least = self.layout.index_pitch, self.p.index_margin
+    def _margin(self, name: str, distance: float, way: Way, unsure: float) -> Iterator[Finding]:
+        """Check how far behind the arming edge the pulse comes: best is half a pitch.
+
+        ``unsure`` is how exactly that edge is known if its switch is polled, m.
+        """
+        pitch = self.layout.index_pitch
+        least = max(self.p.index_margin, unsure / pitch)
         part = distance / pitch
         if least <= part <= 1.0 - least:
             return
+        polled = ''
+        if unsure > self.p.index_margin * pitch:
+            polled = f' (the switch is read {self.layout.switch_rate:g} times a second)'
         move = self.raw(distance - pitch / 2, way)
         severity = MARGINS[self.p.index_margin_action]
         if severity is Severity.error and name == Event.END_DETECTED:
@@ -82,7 +93,7 @@ class IndexAndProbe(AxisWithLayout):
         yield self.found(
             severity,
             'index-margin',
-            f'the index pulse comes {100 * part:.3g} % of a pitch after "{name}"',
+            f'the index pulse comes {100 * part:.3g} % of a pitch after "{name}"{polled}',
             f'with a little drift of the switch, home is off by a pitch of {pitch:g} m; move the '
             f'switch by {abs(move):.4g} m toward {"positive" if move > 0.0 else "negative"}, or '
             'count pulses only further on',

@@ -133,7 +133,7 @@ def run(arguments: argparse.Namespace) -> int:
         where = _place(arguments, layout, axis, parameters)
         act = sweep_axis if arguments.all_starts else _run_axis
         trials = act(arguments, axis, parameters, where, timing)
-        results += [_as_dict(axis, parameters, trial, timing) for trial in trials]
+        results += [_as_dict(axis, parameters, where, trial, timing) for trial in trials]
         good &= all(trial.success for trial in trials)
     if arguments.json:
         print(json.dumps({'ok': good, 'runs': results}, indent=2))
@@ -232,7 +232,7 @@ def _run_axis(
 
 
 def _as_dict(
-    axis: str, parameters: AxisParameters, trial: Trial, timing: Timing
+    axis: str, parameters: AxisParameters, where: AxisLayout, trial: Trial, timing: Timing
 ) -> dict[str, object]:
     outcome, transport = trial.course.outcome, transport_of(timing)
     return {
@@ -245,6 +245,7 @@ def _as_dict(
         'time': trial.course.duration,
         'update_rate': transport.update_rate,
         'feedback_rate': transport.feedback_rate,
+        'switch_rate': where.switch_rate,
         'home_position_raw': outcome.home_position_raw if outcome and outcome.success else None,
         'true_home': trial.true_home,
         'off': trial.off,

@@ -45,6 +45,9 @@ class AxisLayout(NamedTuple):
     `command_timeout` in s: a drive that hears no setpoint keeps its velocity for that long, then
     stops with `stop_dec` (m or rad per s²) and heeds setpoints no more until its servo is switched
     on. 0: it stands where the last setpoint was.
+
+    `switch_rate` in Hz: how often the driver reads and publishes the switches; 0: it publishes
+    them on change, None: not known.
     """
 
     hard_stops: tuple[float, float]
@@ -56,6 +59,12 @@ class AxisLayout(NamedTuple):
     start: float = 0.0
     command_timeout: float = 0.0
     stop_dec: float = STOP_DEC
+    switch_rate: float | None = None
+
+    @property
+    def switch_period(self) -> float:
+        """How long the driver of the switches takes at most to see an edge, s."""
+        return 1.0 / self.switch_rate if self.switch_rate else 0.0
 
 
 def mirrored(layout: AxisLayout) -> AxisLayout:
@@ -80,6 +89,18 @@ def _length(name: str, text: str, default: Any, minimum: float = -FURTHEST) -> D
 def _time(name: str, text: str, maximum: float) -> Definition:
     return Definition(text, float, 's', 0.0, maximum, name=name, default=0.0)
 
+
+#: How often the driver of an axis reads and publishes its switches.
+SWITCH_RATE = Definition(
+    'rate at which the driver reads and publishes the switches (0: on change only)',
+    float,
+    'Hz',
+    0.1,
+    5000.0,
+    or_zero=True,
+    name='switch_rate',
+    default=None,
+)
 
 #: The keys of an axis in a layout.
 LAYOUT: Mapping[str, Definition] = table(
@@ -114,6 +135,7 @@ LAYOUT: Mapping[str, Definition] = table(
         name='stop_dec',
         default=STOP_DEC,
     ),
+    SWITCH_RATE,
 )
 
 #: How often a simulated machine reports its positions, and how late a setpoint takes effect.

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads where things are along the axes: the parameter file of `simulated_axes`, or a plain one.
 
-A plain file holds axis names and below each the keys of layout.layouts_from. What is not
-known is left out, or null: a switch, the hard stops or one of them, ``index_offset``.
+A plain file holds axis names and below each the keys of layout.layouts_from; beside the names it
+may hold what is true of all axes (`OF_ALL_AXES`). What is not known is left out, or null: a
+switch, the hard stops or one of them, ``index_offset``.
 """
 
 import re
@@ -17,12 +18,20 @@ import yaml
 
 from ..parameters.definition import InvalidParameters, read, table
 from ..parameters.yaml_file import OnceLoader
-from .layout import DEAD_TIME, FEEDBACK_RATE, LAYOUT, SWITCHES, AxisLayout, layouts_from
+from .layout import (
+    DEAD_TIME,
+    FEEDBACK_RATE,
+    LAYOUT,
+    SWITCH_RATE,
+    SWITCHES,
+    AxisLayout,
+    layouts_from,
+)
 
 PARAMETERS = 'ros__parameters'
 
-#: What a layout file says about all axes, in the parameters of `simulated_axes`.
-OF_ALL_AXES = table(FEEDBACK_RATE, DEAD_TIME)
+#: What a layout file says about all axes, under the names of the parameters of `simulated_axes`.
+OF_ALL_AXES = table(FEEDBACK_RATE, DEAD_TIME, SWITCH_RATE)
 
 
 class InvalidLayout(InvalidParameters):
@@ -33,7 +42,7 @@ class InvalidLayout(InvalidParameters):
 class LayoutFile:
     """What a layout file holds.
 
-    ``feedback_rate`` (Hz) and ``dead_time`` (s) are given by the parameters of `simulated_axes`.
+    ``feedback_rate`` (Hz) and ``dead_time`` (s) are true of all axes; None: not given.
     """
 
     layouts: Mapping[str, AxisLayout]
@@ -93,6 +102,8 @@ class _Reader:
                 self.lines |= {
                     (axis, str(name.value)): name.start_mark.line + 1 for name, _ in value.value
                 }
+            elif plain and axis in OF_ALL_AXES:
+                continue
             elif plain:
                 self.entries[axis] = loader.construct_object(value, deep=True)
             else:
@@ -127,6 +138,7 @@ def load(path: str | PathLike[str]) -> LayoutFile:
         layouts = layouts_from(known)
     except InvalidParameters as error:
         faults += [reader.located(path, fault) for fault in error.faults]
+    general = {key: value for key, value in general.items() if value is not None}
     about_all, found = read(general, OF_ALL_AXES)
     faults += [f'{path}: {fault}' for fault in found]
     if faults:
@@ -134,7 +146,10 @@ def load(path: str | PathLike[str]) -> LayoutFile:
     for axis, entries in reader.entries.items():
         if entries.get('index_offset', 0.0) is None:
             layouts[axis] = layouts[axis]._replace(index_offset=nan)
-    return LayoutFile(layouts, **{name: about_all[name] for name in general})
+        if layouts[axis].switch_rate is None:
+            layouts[axis] = layouts[axis]._replace(switch_rate=about_all['switch_rate'])
+    given = {name: about_all[name] for name in general if name != 'switch_rate'}
+    return LayoutFile(layouts, **given)
 
 
 def is_layout(path: str | PathLike[str]) -> bool:
@@ -160,11 +175,11 @@ def _contents(path: Path) -> tuple[_Reader, dict[str, Any]]:
         blocks = list(_blocks(root))
         for block in blocks or [root]:
             reader.take(block, loader, plain=not blocks)
-        for block in blocks:
+        for block in blocks or [root]:
             general |= {
                 key.value: loader.construct_object(value, deep=True)
                 for key, value in block.value
-                if key.value in OF_ALL_AXES
+                if key.value in OF_ALL_AXES and (blocks or not isinstance(value, yaml.MappingNode))
             }
     except OSError as error:
         raise InvalidLayout([f'{path}: {error.strerror}']) from None

@@ -16,10 +16,10 @@ from ..core.axis import Axis, Setpoint
 from ..core.stamps import Stamps
 from ..course import Course, Happening, Sample
 from ..parameters.axis import AxisParameters
+from ..plant.drivers import SwitchDriver
 from ..plant.layout import AxisLayout
 from ..plant.simulated_axis import SimulatedAxis
 from ..procedures.states import LATCHES, Error, Input
-from .drivers import SwitchDriver
 
 #: The plant's step, s.
 PLANT_STEP = 0.001

@@ -114,11 +114,17 @@ def rehearse_from(
 ) -> Trial:
     """Rehearse one run; its servo is on, and ``pause_mode`` does not pause it.
 
-    ``axis`` is what messages call the axis.
+    The drivers of the switches publish as the layout (``switch_rate``) and the parameters
+    (``switch_latency``) say. ``axis`` is what messages call the axis.
 
     Raises ValueError for a start beyond a hard stop.
     """
     begin = perf_counter()
+    transport = replace(
+        transport,
+        poll_rate=layout.switch_rate or transport.poll_rate,
+        stamp_late=transport.stamp_late + parameters.switch_latency,
+    )
     rehearsal = Rehearsal(replace(parameters, pause_mode=False), layout, transport, start)
     rehearsal.axis.name = axis
     if Input.SERVO_ENABLED in parameters.inputs:

@@ -6,6 +6,7 @@ No clock: times are passed in, s. The same seed gives the same messages.
 
 import random
 from collections.abc import Iterable, Iterator
+from math import inf
 
 #: Repeats of a level that the axis has heard before time 0.
 PAST_REPEATS = 40
@@ -29,9 +30,14 @@ class SwitchDriver:
     ) -> None:
         self._level = level
         self._period, self._jitter = period, jitter
-        self._polled = polled
         self._random = random.Random(repr(seed))
+        self.polled = polled
         self._next = self._random.uniform(-period, 0.0) - PAST_REPEATS * period
+
+    @property
+    def due(self) -> float:
+        """When the next message is due that no change causes, s."""
+        return self._next if self._period else inf
 
     def past(self) -> Iterator[tuple[float, bool]]:
         """Yield the messages before time 0: when they were sent, and the level."""
@@ -46,7 +52,7 @@ class SwitchDriver:
         for time, level in changes:
             yield from self._until(time)
             self._level = level
-            if not self._polled:
+            if not self.polled:
                 yield time, level
         yield from self._until(until)
 
