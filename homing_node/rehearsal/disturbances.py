@@ -18,9 +18,9 @@ from ..core.axis import Setpoint
 from ..core.stamps import REORDERED, Stamps, too_late
 from ..course import Happening
 from ..parameters.axis import AxisParameters
+from ..plant.drivers import LONG_AGO
 from ..plant.layout import AxisLayout
 from ..procedures.states import LATCHES, Error, Input
-from .drivers import LONG_AGO
 from .run import DIRECT, PLANT_STEP, Rehearsal, Transport
 
 #: The topics that are no input of an axis: positions, raw.
