@@ -18,6 +18,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+#: The points that the node tells: the plan up to the horizon, and the three of a stop, ns.
+HORIZON, STOP = 20_000_000, (5_000_000, 100_000_000, 105_000_000)
+
 
 def cycle(axes: int, rate: float, inputs: bool, ended: threading.Event, grid: Grid) -> None:
     node = rclpy.create_node('homing_node')
@@ -34,7 +37,8 @@ def cycle(axes: int, rate: float, inputs: bool, ended: threading.Event, grid: Gr
         ]
         subscriptions.append(node.create_subscription(JointState, 'joint_states', print, qos))
     period = 1.0 / rate
-    step = Duration(nanosec=round(period * 1e9))
+    step = round(period * 1e9)
+    times = [*range(0, HORIZON + 1, step), *(HORIZON + more for more in STOP)]
     position, due = 0.0, time.monotonic()
     while not ended.is_set():
         due += period
@@ -49,11 +53,12 @@ def cycle(axes: int, rate: float, inputs: bool, ended: threading.Event, grid: Gr
                 joint_names=names,
                 points=[
                     JointTrajectoryPoint(
-                        positions=[position] * axes,
-                        velocities=[0.05] * axes,
+                        positions=[position + 0.05 * time * 1e-9] * axes,
+                        velocities=[0.05 if time <= HORIZON else 0.0] * axes,
                         accelerations=[0.0] * axes,
-                        time_from_start=step,
+                        time_from_start=Duration(nanosec=time),
                     )
+                    for time in times
                 ],
             )
         )

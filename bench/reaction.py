@@ -16,6 +16,8 @@ from graph import Heard, World
 from std_msgs.msg import Bool
 
 RATE = 250.0
+#: Where in a message a change of the plan shows first: setpoint_lead and a period, ns.
+AHEAD = 12_000_000
 FEEDBACK_RATE = 500.0
 
 
@@ -37,8 +39,8 @@ def answered(world: World, decelerates: Callable[[Heard], bool]) -> float:
 
 
 def motion(one: Heard) -> tuple[float, float]:
-    """Return the velocity and the acceleration of a setpoint."""
-    point = one.message.points[0]
+    """Return the velocity and the acceleration that a message tells for a lead and a period."""
+    point = next(p for p in one.message.points if p.time_from_start.nanosec >= AHEAD)
     return point.velocities[0], point.accelerations[0]
 
 

@@ -33,6 +33,8 @@ from std_msgs.msg import Bool, Float64
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from homing_node.ros.simulated_controller import PlayedTrajectories
+
 #: How long anything may take that takes no time, s: only a failing or starved test waits for it.
 PATIENCE = 20.0
 #: What rmw says of an answer that it dropped, for the node had not discovered who waits for it.
@@ -409,7 +411,7 @@ class Client:
 
 
 class HandPlant:
-    """A plant whose every message the test controls; the feedback is the last setpoint.
+    """A plant whose every message the test controls; the feedback is what a controller commands.
 
     A thread publishes the feedback (and the clock, where it is told to) until it is silenced.
     """
@@ -474,15 +476,18 @@ class HandPlant:
 
     def _run(self):
         handle = self._setpoints.handle
+        controller = PlayedTrajectories(
+            list(self.positions), list(self.positions.values()), 10_000.0, True
+        )
         while not self._ended.wait(self.PERIOD):
             if self.held:
                 continue
-            while (taken := handle.take_message(JointTrajectory, False)) is not None:
-                message = taken[0]
-                self.positions.update(
-                    zip(message.joint_names, message.points[-1].positions, strict=True)
-                )
             stamp = self.sim_time
+            now = time.time_ns() if stamp is None else stamp
+            while (taken := handle.take_message(JointTrajectory, False)) is not None:
+                controller.take(taken[0], now)
+            commands = controller.update(now)
+            self.positions.update({joint: command[0] for joint, command in commands.items()})
             if stamp is not None:
                 self.sim_time = stamp = stamp + round(self.PERIOD * 1e9)
                 self._clock.publish(Clock(clock=_stamp(stamp)))
@@ -614,20 +619,21 @@ def course(states):
 
 
 class Sample(NamedTuple):
-    """One setpoint of a joint."""
+    """One setpoint of a joint; ``time`` in s is when it is due."""
 
     sequence: int
     position: float
     velocity: float
     acceleration: float
     sent: int
+    time: float
 
 
 def course_of(setpoints, joint):
-    """Return the setpoints of one joint."""
+    """Return the setpoints of one joint: the present ones, the first point of each message."""
     samples = []
     for heard in setpoints:
-        names, (point,) = heard.message.joint_names, heard.message.points
+        names, point = heard.message.joint_names, heard.message.points[0]
         if joint in names:
             i = names.index(joint)
             samples.append(
@@ -637,37 +643,35 @@ def course_of(setpoints, joint):
                     point.velocities[i],
                     point.accelerations[i],
                     heard.sent,
+                    heard.message.header.stamp.sec % 1000
+                    + heard.message.header.stamp.nanosec * 1e-9,
                 )
             )
     return samples
 
 
-def assert_within_limits(samples, velocity, acceleration, jerk, period=0.004):
-    """Check by finite differences that setpoints are continuous and keep to their limits.
+def assert_within_limits(samples, velocity, acceleration, jerk):
+    """Check by differences that setpoints are continuous and keep to their limits.
 
-    The k-th difference over a period is a mean of the k-th derivative, so it keeps to the limit.
+    The mean of a derivative between two setpoints keeps to the limit, however late a cycle was.
     """
     assert len(samples) > 10
     sequences = [s.sequence for s in samples]
     assert sequences == list(range(sequences[0], sequences[0] + len(samples))), 'one was missed'
-    # At rest before and after: the first and the last setpoint are no steps either.
-    derivative = [s.position for s in samples]
-    # A position of 0.1 m is rounded to 1e-17 m; the third difference has 8 of them per 6.4e-8 s^3.
-    for name, limit in (('velocity', velocity), ('acceleration', acceleration), ('jerk', jerk)):
-        derivative = [(b - a) / period for a, b in pairwise(derivative)]
-        worst = max(map(abs, derivative))
-        assert worst <= limit * (1 + 1e-4) + 1e-6, (
-            f'{name} {worst} at {[abs(d) for d in derivative].index(worst)} of {len(derivative)}'
-        )
     for s in samples:
         assert abs(s.velocity) <= velocity * (1 + 1e-6)
         assert abs(s.acceleration) <= acceleration * (1 + 1e-6)
-    for a, b in pairwise(samples):
+    for number, (a, b) in enumerate(pairwise(samples)):
+        step = b.time - a.time
+        if step < 1e-6:  # the first messages of a run all begin where the motion begins
+            assert a[1:4] == b[1:4]
+            continue
+        where = f'at {number} of {len(samples)}, {step:.4f} s'
         # What is said of velocity and acceleration is what the positions do.
         middle = (a.velocity + b.velocity) / 2
-        assert abs((b.position - a.position) / period - middle) <= jerk * period**2
-        assert abs(b.velocity - a.velocity) <= acceleration * period * (1 + 1e-6) + 1e-9
-        assert abs(b.acceleration - a.acceleration) <= jerk * period * (1 + 1e-4) + 1e-6
+        assert abs((b.position - a.position) / step - middle) <= jerk * step**2 + 1e-6, where
+        assert abs(b.velocity - a.velocity) <= acceleration * step * (1 + 1e-3) + 1e-9, where
+        assert abs(b.acceleration - a.acceleration) <= jerk * step * (1 + 1e-3) + 1e-6, where
 
 
 def at_speed(client, setpoints, joint, velocity=0.0499):

@@ -25,16 +25,14 @@ def profile(cycles=0, jerk=10.0, order=lambda p: p.seek(0.05, FAST)):
     return one
 
 
-def told(*profiles, horizon=HORIZON, past=True, sign=1.0):
+def told(*profiles, horizon=HORIZON, sign=1.0):
     courses = [Course(*one.announce(horizon), sign) for one in profiles]
-    return courses, announcement(courses, PERIOD, horizon, past)
+    return courses, announcement(courses, PERIOD, horizon)
 
 
-def test_the_points_stand_at_the_period_from_one_before_the_present():
+def test_the_points_stand_at_the_period_from_the_present():
     _, (times, _) = told(profile(100))
-    assert times[:7] == [round(k * PERIOD * NS) for k in range(-1, 6)]
-    _, (times, _) = told(profile(100), past=False)
-    assert times[0] == 0
+    assert times[:6] == [round(k * PERIOD * NS) for k in range(6)]
 
 
 def test_the_present_is_the_command_of_the_cycle_and_the_newest_lies_ahead():
@@ -53,7 +51,7 @@ def test_no_point_lies_before_the_run_begins():
 
 def test_an_axis_that_joins_another_rests_until_it_moves():
     _, (times, rows) = told(profile(100), profile())
-    assert times[0] == -round(PERIOD * NS)
+    assert times[0] == 0
     assert rows[0][1] == rows[2][1] == (0.3, 0.0, 0.0)
 
 
@@ -179,7 +177,7 @@ def test_freezing_stops_at_the_present(lead):
     one.update()
     assert one.position == pytest.approx(present)
     _, (_times, rows) = told(one)
-    assert all(row[0] == (pytest.approx(present), 0.0, 0.0) for row in rows[1:])
+    assert all(row[0] == (pytest.approx(present), 0.0, 0.0) for row in rows)
 
 
 def test_a_stop_can_begin_where_the_axis_is():

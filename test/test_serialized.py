@@ -86,37 +86,45 @@ def test_a_joint_state_in_the_other_byte_order():
     assert JointStateReader().read(data) == (3_000_000_005, ('x',), (1.5,))
 
 
-SETPOINTS = st.dictionaries(
-    NAMES, st.tuples(*[st.floats(allow_nan=False) | st.just(1.0)] * 3), min_size=1
-)
+NUMBER = st.floats(allow_nan=False) | st.just(1.0)
+STATES = st.tuples(NUMBER, NUMBER, NUMBER)
 
 
-@given(st.sampled_from([0.001, 1 / 300, 1.0, 2.5]), st.lists(SETPOINTS, max_size=6))
-def test_trajectories_are_written_as_rclpy_writes_them(period, cycles):
-    writer, plain = TrajectoryWriter(period), PlainTrajectoryWriter(period)
-    ahead = Duration(sec=int(period), nanosec=round(period % 1.0 * 1e9))
-    for setpoints in cycles:
-        positions, velocities, accelerations = zip(*setpoints.values(), strict=True)
+@st.composite
+def trajectories(draw):
+    """Return names, a stamp, the times of some points and a row of states for each."""
+    names = draw(st.lists(NAMES, min_size=1, unique=True))
+    times = draw(st.lists(st.integers(0, 3 * 10**9), min_size=1, max_size=4))
+    rows = [draw(st.lists(STATES, min_size=len(names), max_size=len(names))) for _ in times]
+    return names, draw(st.integers(0, 2**31 * 10**9 - 1)), times, rows
+
+
+@given(st.lists(trajectories(), max_size=5))
+def test_trajectories_are_written_as_rclpy_writes_them(cycles):
+    writer, plain = TrajectoryWriter(), PlainTrajectoryWriter()
+    for names, stamp, times, rows in cycles:
         expected = JointTrajectory(
-            joint_names=list(setpoints),
+            header=Header(stamp=Time(sec=stamp // 10**9, nanosec=stamp % 10**9)),
+            joint_names=names,
             points=[
                 JointTrajectoryPoint(
-                    positions=positions,
-                    velocities=velocities,
-                    accelerations=accelerations,
-                    time_from_start=ahead,
+                    positions=[state[0] for state in row],
+                    velocities=[state[1] for state in row],
+                    accelerations=[state[2] for state in row],
+                    time_from_start=Duration(sec=time // 10**9, nanosec=time % 10**9),
                 )
+                for time, row in zip(times, rows, strict=True)
             ],
         )
-        assert plain.write(list(setpoints), setpoints.values()) == expected
-        data = writer.write(list(setpoints), setpoints.values())
+        assert plain.write(names, stamp, times, rows) == expected
+        data = writer.write(names, stamp, times, rows)
         assert len(data) == len(serialize_message(expected))
         assert deserialize_message(data, JointTrajectory) == expected
 
 
 def test_what_was_written_stays():
-    writer = TrajectoryWriter(0.004)
-    first = writer.write(['x'], [(1.0, 2.0, 3.0)])
+    writer = TrajectoryWriter()
+    first = writer.write(['x'], 1, [0], [[(1.0, 2.0, 3.0)]])
     before = bytes(first)
-    writer.write(['x'], [(4.0, 5.0, 6.0)])
+    writer.write(['x'], 2, [1], [[(4.0, 5.0, 6.0)]])
     assert first == before

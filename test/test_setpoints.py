@@ -8,11 +8,28 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from homing_node.core.axis import Axis
-from homing_node.parameters.configuration import SetpointInterface
+from homing_node.parameters.configuration import SetpointInterface, configuration
 from homing_node.procedures.states import Error, Input
 from homing_node.ros.setpoints import INTERFACES, PositionSetpoints, TrajectorySetpoints
+from homing_node.ros.timebase import TimeBase
 
-PERIOD = 0.004
+PERIOD, LEAD = 0.004, 0.008
+
+
+def checked(interface, serialized=True, **values):
+    """Return the configuration of two axes."""
+    name = next(name for name, one in INTERFACES.items() if one is interface)
+    given = {
+        'axes': ['x', 'y'],
+        'setpoint_interface': name,
+        'serialized': serialized,
+        'x.joint': 'joint_x',
+        **{f'{axis}.home_type': 'HS' for axis in 'xy'},
+        **{f'{axis}.travel': 1.0 for axis in 'xy'},
+        **{f'{axis}.homing_velocity_fast': 0.05 for axis in 'xy'},
+        **values,
+    }
+    return configuration(given)
 
 
 class Cell:
@@ -20,7 +37,8 @@ class Cell:
 
     def __init__(self, interface, serialized=True, **values):
         parameters = rig('HS', **values).parameters()
-        self.axes = {name: Axis(name, parameters, PERIOD) for name in 'xy'}
+        lead = LEAD if interface is TrajectorySetpoints else 0.0
+        self.axes = {name: Axis(name, parameters, PERIOD, lead) for name in 'xy'}
         self.now = 1.0
         for axis in self.axes.values():
             for switch in axis.parameters.inputs:
@@ -29,8 +47,10 @@ class Cell:
             axis.feedback(self.now, 0.05)
         self.created, self.published = [], []
         self.places = dict.fromkeys(self.axes, 0.05)
+        self.timebase = TimeBase(lambda: round(self.now * 1e9))
+        self.interface = interface
         self.setpoints = interface(
-            self.axes, {'x': 'joint_x', 'y': 'y'}, PERIOD, self._create, serialized
+            self.axes, checked(interface, serialized), self.timebase, self._create
         )
 
     def _create(self, kind, topic):
@@ -53,7 +73,7 @@ class Cell:
             if setpoint is not None:
                 moving[name] = setpoint
                 self.places[name] = setpoint[0]
-        message = self.setpoints.message(moving)
+        message = self.setpoints.message(moving, self.now)
         if message is not None:
             self.setpoints.publish(message)
         return moving
@@ -89,10 +109,66 @@ def test_a_trajectory_has_the_joints_that_move(serialized):
     data = message if serialized else serialize_message(message)
     read = deserialize_message(data, JointTrajectory)
     assert read.joint_names == ['joint_x']
-    (point,) = read.points
-    assert (point.positions[0], point.velocities[0], point.accelerations[0]) == moving['x']
-    assert point.time_from_start.nanosec == 4_000_000
+    assert read.header.stamp.sec * 10**9 + read.header.stamp.nanosec == pytest.approx(
+        (cell.now + LEAD) * 1e9  # where the run begins
+    )
+    first, newest = read.points[:2]
+    assert (first.positions[0], first.velocities[0]) == (0.05, 0.0)
+    assert first.time_from_start.nanosec == 0
+    assert newest.time_from_start.nanosec == 4_000_000
+    assert (newest.positions[0], newest.velocities[0], newest.accelerations[0]) == pytest.approx(
+        moving['x']
+    )
+    assert read.points[-1].velocities[0] == read.points[-1].accelerations[0] == 0.0
     assert cell.setpoints.unready() is None
+
+
+def test_a_trajectory_starts_at_its_present_or_when_it_arrives():
+    cell = Cell(TrajectorySetpoints)
+    zero = TrajectorySetpoints(
+        cell.axes,
+        checked(TrajectorySetpoints, setpoint_stamp='zero'),
+        cell.timebase,
+        cell._create,
+    )
+    cell.home('x')
+    for _ in range(20):
+        moving = cell.cycle()
+    stamped = deserialize_message(cell.published[-1], JointTrajectory)
+    assert stamped.header.stamp.nanosec == pytest.approx(cell.now % 1.0 * 1e9)
+    assert stamped.points[0].time_from_start.nanosec == 0
+    unstamped = deserialize_message(zero.message(moving, cell.now), JointTrajectory)
+    assert (unstamped.header.stamp.sec, unstamped.header.stamp.nanosec) == (0, 0)
+    assert unstamped.points == stamped.points
+
+
+def test_nothing_is_told_of_an_axis_whose_feedback_is_lost():
+    """The controller knows how to stop."""
+    cell = Cell(TrajectorySetpoints)
+    cell.home('x')
+    for _ in range(60):
+        cell.cycle()
+    count = len(cell.published)
+    axis = cell.axes['x']
+    for _ in range(60):
+        cell.now += PERIOD
+        assert cell.setpoints.message({}, cell.now) is None
+    assert axis.update(cell.now) is None
+    assert axis.outcome.error is Error.FeedbackStale
+    assert len(cell.published) == count
+
+
+def test_an_axis_that_does_not_follow_stops_where_it_is():
+    cell = Cell(TrajectorySetpoints)
+    cell.home('x')
+    axis = cell.axes['x']
+    for _ in range(500):
+        cell.cycle(x=0.05)
+        if not axis.running:
+            break
+    assert axis.outcome.error in (Error.FollowingError, Error.WrongDirection)
+    message = deserialize_message(cell.published[-1], JointTrajectory)
+    assert [p.positions[0] for p in message.points] == pytest.approx([0.05] * len(message.points))
 
 
 def test_positions_of_all_axes_in_their_order():
@@ -110,7 +186,9 @@ def test_no_array_without_the_feedback_of_each_axis():
     cell = Cell(PositionSetpoints)
     assert cell.setpoints.unready() is None
     cell.axes['x'] = Axis('x', cell.axes['y'].parameters, PERIOD)
-    cell.setpoints = PositionSetpoints(cell.axes, {}, PERIOD, cell._create, True)
+    cell.setpoints = PositionSetpoints(
+        cell.axes, checked(PositionSetpoints), cell.timebase, cell._create
+    )
     refusal = cell.setpoints.unready()
     assert refusal.error is Error.FeedbackStale
     assert 'axis x' in refusal.message

@@ -138,7 +138,7 @@ def test_the_default_parameters_of_a_controller_refuse_nothing_but_partial_joint
     assert_as_planned(found[11:], 0.002)
 
 
-@pytest.mark.parametrize(('node', 'points'), [(250, 12), (500, 16), (1000, 26)])
+@pytest.mark.parametrize(('node', 'points'), [(250, 11), (500, 15), (1000, 25)])
 def test_a_message_is_short(node, points):
     for orders in ORDERS.values():
         _, most = run(Stream(node, 1000), orders, JERK, DURATION)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The points of a trajectory that tells a controller what comes: plan, horizon, stop to rest.
 
-The points stand at the cycle's period from one period before the present up to the horizon, and
-wherever the jerk changes; quintics through them are then the path itself. The last point is at
-rest. Times are relative to the present; SI units.
+The points stand at the cycle's period from the present up to the horizon, and wherever the jerk
+changes; quintics through them are then the path itself. The last point is at rest. Times are
+relative to the present; SI units.
 
 A later plan may leave the points of an earlier message. Both begin at the newest command of the
 earlier one at the soonest; with d s from there to a point and the jerk j of the axis they differ
@@ -22,11 +22,15 @@ NS = 1_000_000_000
 
 
 class Course(NamedTuple):
-    """What one joint does: the time of the present on its path, the path, and its sign."""
+    """What one joint does: its path, the time of the present on it, and how that is raw.
+
+    Raw is ``sign`` times the position, and ``offset`` more: whole turns of a wrapped joint.
+    """
 
     present: float
     pieces: Sequence[Piece]
     sign: float = 1.0
+    offset: float = 0.0
 
 
 class Announcement(NamedTuple):
@@ -41,12 +45,9 @@ def least_horizon(period: float, lead: float) -> float:
     return lead + 3.0 * period
 
 
-def announcement(
-    courses: Sequence[Course], period: float, horizon: float, past: bool = True
-) -> Announcement:
-    """Return the points for some joints; without ``past`` none lies before the present."""
-    first = -period if past else 0.0
-    first = max(first, min(course.pieces[0].time - course.present for course in courses))
+def announcement(courses: Sequence[Course], period: float, horizon: float) -> Announcement:
+    """Return the points for some joints; none lies before the run of any has begun."""
+    first = max(0.0, min(course.pieces[0].time - course.present for course in courses))
     times = _grid(first, period, horizon)
     changes = sorted(
         {
@@ -64,7 +65,7 @@ def announcement(
 
 def _grid(first: float, period: float, horizon: float) -> list[int]:
     """Return the times of the plan's points, from the first to the horizon, ns."""
-    begin = -1 if first < 0.0 else ceil(first / period - 1e-6)
+    begin = ceil(first / period - 1e-6)
     grid = [round(k * period * NS) for k in range(begin, ceil(horizon / period - 1e-6) + 1)]
     start = round(first * NS)
     return grid if grid[0] - start < CLOSE * NS else [start, *grid]
@@ -84,8 +85,8 @@ def _merged(grid: list[int], changes: list[int]) -> list[int]:
 
 
 def _column(course: Course, times: Sequence[float]) -> list[State]:
-    present, pieces, sign = course
+    present, pieces, sign, offset = course
     states = [state_at(pieces, present + time) for time in times]
-    if sign > 0.0:
+    if sign > 0.0 and not offset:
         return states
-    return [(-p, -v, -a) for p, v, a in states]
+    return [(sign * p + offset, sign * v, sign * a) for p, v, a in states]

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 
 from ..parameters.axis import AxisParameters
 from ..procedures.states import LATCHES, LIMIT_SWITCHES, Error, Input, LimitPair, State
+from .announcement import Course
 from .edge_queue import EdgeQueue
 from .history import History
 from .limits import Action
@@ -24,6 +25,11 @@ from .series_limits import SeriesLimits
 from .settling import Rest, Settling
 from .signals import Edge
 from .track import Track
+
+#: The ends of a run whose cause is that the axis is not where its command is.
+ASTRAY = frozenset({Error.FollowingError, Error.WrongDirection})
+#: The velocity of an axis that is astray is the mean over this time, s.
+VELOCITY_SPAN = 0.01
 
 #: The command of a cycle, raw: position, velocity and acceleration in m, m/s, m/s^2 (or rad ...).
 Setpoint = tuple[float, float, float]
@@ -45,9 +51,20 @@ class Axis:
         emergency_stop: whether the emergency stop is on.
     """
 
-    def __init__(self, name: str, parameters: AxisParameters, period: float) -> None:
+    def __init__(
+        self, name: str, parameters: AxisParameters, period: float, lead: float = 0.0
+    ) -> None:
+        """Make an axis at rest.
+
+        Args:
+            name: its name.
+            parameters: its parameters.
+            period: the period of the cycle, s.
+            lead: how long before its time a setpoint is told, s (0: as the next one, alone).
+        """
         self.name = name
         self.period = period
+        self.lead = lead
         self.machine: Machine | None = None
         self.outcome = Outcome(Error.NoError)
         self.history = History()
@@ -58,7 +75,7 @@ class Axis:
         self._sign = parameters.home_direction.sign
         self.readings = Readings(parameters)
         self._edges = EdgeQueue()
-        self._settling = Settling()
+        self._settling = Settling(lead)
         self._series = SeriesLimits()
         self._commands = Track()
         self._rest: Rest | None = None
@@ -78,7 +95,7 @@ class Axis:
         self.parameters = parameters
         self._sign = parameters.home_direction.sign
         self.readings.configure(parameters)
-        self.profile = Profile(self.period, parameters.max_jerk)
+        self.profile = Profile(self.period, parameters.max_jerk, lead=self.lead)
 
     def wire_in_series(self, pairs: Iterable[LimitPair]) -> None:
         """Set which pairs of limit switches are one input; known ends stay if nothing changes."""
@@ -222,6 +239,11 @@ class Axis:
         self._rest = None
         self._end(self._failed(error, message))
 
+    def cycles_were_missed(self, elapsed: float) -> None:
+        """Take that no cycle came for a time, s: the controller followed what it was told."""
+        if self.machine is not None and self._moved:
+            self.profile.skip(elapsed)
+
     def cycle_was_late(self, since: float, message: str) -> None:
         """End a run that was in progress at ``since``, the time of the last cycle, with CycleLate.
 
@@ -274,11 +296,14 @@ class Axis:
         if now - readings.arrival > p.feedback_timeout or p.switch_timeout:
             self._test_inputs(now)
         track = readings.track
+        stopping = machine.ending.stopping
         if self._homes_on_command:
             self._edges.update(machine, self._commands, track)
         else:
             self._edges.update(machine, track)
         machine.update(now, track.position, track.interval)
+        if machine.ending.error in ASTRAY and not stopping:
+            self._stop_where_it_is(machine, now)
         if machine.finished:
             return self._finish(now)
         profile = self.profile
@@ -288,6 +313,12 @@ class Axis:
             self._moved = True
         profile.update()
         return self._setpoint(now)
+
+    def course(self, horizon: float) -> Course:
+        """Return what a controller is told: called after :meth:`update`, ``horizon`` in s."""
+        present, pieces = self.profile.announce(horizon)
+        raw = self._sign * self.profile.position
+        return Course(present, pieces, self._sign, self.readings.wrapped(raw) - raw)
 
     @property
     def state(self) -> State:
@@ -371,7 +402,23 @@ class Axis:
             return
         if stale.error is Error.FeedbackStale:
             self.homed = False
-        self._fail(stale.error, stale.seen)
+        if stale.error is Error.FeedbackStale and self.lead and self._goes_on:
+            # Where the axis is is not known; the controller has been told how to stop.
+            self._fail(stale.error, stale.seen, Action(None))
+        else:
+            self._fail(stale.error, stale.seen)
+
+    @property
+    def _goes_on(self) -> bool:
+        """Whether a run is on that does not stop yet."""
+        return self.machine is not None and not self.machine.ending.stopping
+
+    def _stop_where_it_is(self, machine: Machine, now: float) -> None:
+        """Plan the stop of an axis that is not where its command is from where it is."""
+        track = self.readings.track
+        velocity = track.drift(VELOCITY_SPAN)
+        position = track.position + velocity * max(0.0, now - track.time)
+        machine.ending.stop_from(position, velocity, self.parameters.ls_dec)
 
     def _start_command(self) -> float:
         """Return the first command of a run: the last command if the axis still rests there.
@@ -386,7 +433,7 @@ class Axis:
     def _setpoint(self, now: float) -> Setpoint:
         profile, sign = self.profile, self._sign
         if self._homes_on_command:
-            self._commands.append(now + self.period, profile.position)
+            self._commands.append(now + self.lead + self.period, profile.position)
         position = self.readings.wrapped(sign * profile.position)
         return position, sign * profile.velocity, sign * profile.acceleration
 
@@ -403,6 +450,9 @@ class Axis:
         """End the run as soon as the feedback has settled after the command."""
         machine = self.machine
         assert machine is not None
+        arrived = self.profile.arrived
+        if self._moved:
+            self.profile.update()
         p, readings = self.parameters, self.readings
         behind = self.profile.position - readings.track.position
         followed = not self._moved or abs(behind) <= p.settling_tolerance
@@ -411,7 +461,8 @@ class Axis:
             now, readings.track, p.homing_velocity_slow, followed or failed
         )
         watched = self._moved and not machine.ending.silent and readings.feedback_is_fresh(now)
-        if watched and not settled:
+        on_its_way = self._moved and not machine.ending.silent and not arrived
+        if on_its_way or (watched and not settled):
             return self._setpoint(now)
         if not (followed or failed):
             machine.fail(

@@ -50,6 +50,11 @@ class Ending:
             self._deceleration = action.deceleration
             self._profile.stop(action.deceleration)
 
+    def stop_from(self, position: float, velocity: float, deceleration: float) -> None:
+        """Stop from where the axis is, at once, and not from where its command is."""
+        self._deceleration = deceleration
+        self._profile.stop_from(position, velocity, deceleration)
+
     def stop_gently(self) -> None:
         """Stop with the deceleration of the present motion."""
         self._deceleration = self._profile.dynamics.deceleration

@@ -288,7 +288,7 @@ class Machine:
             return
         movement = self._movement
         movement.follow(feedback)
-        failure = self._rules.broken(movement.leg, self.profile.position, feedback, now, interval)
+        failure = self._rules.broken(movement.leg, self.profile.present, feedback, now, interval)
         if failure is not None:
             self.fail(failure)
             return

@@ -88,7 +88,7 @@ class Movement:
 
     def turn(self, way: Way, now: float, feedback: float) -> None:
         """Begin a new leg."""
-        self.leg = Leg(way, feedback, self._profile.position, now, self.leg)
+        self.leg = Leg(way, feedback, self._profile.present, now, self.leg)
         self.latches.forget()
 
     def start(self, row: Row, cause: Mark, target: float) -> None:
@@ -113,7 +113,7 @@ class Movement:
 
     def follow(self, feedback: float) -> None:
         """Move the turning point as long as the axis overruns it."""
-        if self.leg.update(feedback, self._profile.position):
+        if self.leg.update(feedback, self._profile.present):
             self.latches.forget()
 
     def event(self, now: float, feedback: float, interval: float) -> Found | Failure | None:
@@ -159,7 +159,7 @@ class Movement:
         return (Event.DONE, Mark(feedback)) if self._profile.done else None
 
     def _end_detected(self, now: float, feedback: float, interval: float) -> Found | None:
-        if not self.end.found(self._profile.position, feedback, now, interval):
+        if not self.end.found(self._profile.present, feedback, now, interval):
             return None
         return Event.END_DETECTED, Mark(feedback, max(FINEST, self.end.moved))
 

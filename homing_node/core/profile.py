@@ -188,6 +188,11 @@ class Profile:
             return self.position
         return state_at(self._pieces, self._time - self.lead)[0]
 
+    @property
+    def arrived(self) -> bool:
+        """Whether the motion has reached its velocity or target at present, too."""
+        return self._time - self.lead >= self._pieces[-1].time - SAME_TIME
+
     def update(self) -> None:
         """Advance by one period.
 

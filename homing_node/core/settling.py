@@ -42,9 +42,13 @@ class Rest(NamedTuple):
 
 
 class Settling:
-    """Judges whether the feedback has come to rest."""
+    """Judges whether the feedback has come to rest.
 
-    def __init__(self) -> None:
+    ``lead``: how long before its time a setpoint is told, s.
+    """
+
+    def __init__(self, lead: float = 0.0) -> None:
+        self._lead = lead
         self._since: float | None = None  # the command rests
 
     def restart(self) -> None:
@@ -61,7 +65,7 @@ class Settling:
             follows: whether the feedback is where the command is.
         """
         if self._since is None:
-            self._since = now
+            self._since = now + self._lead
         if now - self._since >= SETTLE_TIMEOUT:
             return True
         begin = track.time - max(SETTLE_TIME, SETTLE_SAMPLES * track.interval)

@@ -44,6 +44,9 @@ RESERVED = frozenset(
         'list_parameters',
         'parameters',
         'serialized',
+        'setpoint_horizon',
+        'setpoint_lead',
+        'setpoint_stamp',
         'set_parameters',
         'set_parameters_atomically',
     }
@@ -55,6 +58,13 @@ class SetpointInterface(TextEnum):
 
     trajectory = 'trajectory'
     position = 'position'
+
+
+class SetpointStamp(TextEnum):
+    """What the stamp of a trajectory is: the time of its first point, or 0."""
+
+    due = 'due'
+    zero = 'zero'
 
 
 NODE_DEFINITIONS: Mapping[str, Definition] = table(
@@ -85,6 +95,31 @@ NODE_DEFINITIONS: Mapping[str, Definition] = table(
         SetpointInterface,
         name='setpoint_interface',
         default=SetpointInterface.trajectory,
+    ),
+    Definition(
+        'how far ahead ~/setpoints tells the plan, before a stop to rest',
+        float,
+        's',
+        0.0,
+        1.0,
+        name='setpoint_horizon',
+        default=0.02,
+    ),
+    Definition(
+        'how long a change of the plan is told before it acts: a period of the controller and the '
+        'delay of a message at its worst',
+        float,
+        's',
+        0.0,
+        0.1,
+        name='setpoint_lead',
+        default=0.008,
+    ),
+    Definition(
+        'when ~/setpoints starts: at its stamp (due), or when it arrives (zero)',
+        SetpointStamp,
+        name='setpoint_stamp',
+        default=SetpointStamp.due,
     ),
     Definition(
         'read feedback and write trajectories as bytes (false: as messages, slower)',
@@ -148,12 +183,21 @@ class Configuration(NamedTuple):
     ready_timeout: float
     setpoint_interface: SetpointInterface
     serialized: bool
+    setpoint_horizon: float
+    setpoint_lead: float
+    setpoint_stamp: SetpointStamp
     home_sequence: tuple[tuple[str, ...], ...]
 
     @property
     def joints(self) -> dict[str, str]:
         """The joint of each axis."""
         return {axis: parameters.joint or axis for axis, parameters in self.axes.items()}
+
+    @property
+    def lead(self) -> float:
+        """How long before it acts a change of the plan is told, s; only trajectories tell it."""
+        by_trajectory = self.setpoint_interface is SetpointInterface.trajectory
+        return self.setpoint_lead if by_trajectory else 0.0
 
 
 def configuration(values: Mapping[str, Any]) -> Configuration:
@@ -202,6 +246,9 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         node['ready_timeout'],
         node['setpoint_interface'],
         node['serialized'],
+        node['setpoint_horizon'],
+        node['setpoint_lead'],
+        node['setpoint_stamp'],
         sequence,
     )
 

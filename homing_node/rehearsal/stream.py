@@ -55,7 +55,6 @@ class Stream:
     lead: float = 0.008
     horizon: float = 0.02
     stamped: bool = True
-    past: bool = True
     one_point: bool = False
     parameters: JtcParameters = RECOMMENDED
     seed: int = 0
@@ -89,7 +88,7 @@ class _Sender:
             state = profile.position, profile.velocity, profile.acceleration
             message = message_of(0, JOINT, [round(period * NS)], [[state]])
         else:
-            times, rows = announcement([course], period, horizon, how.past and how.stamped)
+            times, rows = announcement([course], period, horizon)
             first = times[0] if how.stamped else 0
             stamp = EPOCH + round(due * NS) + first if how.stamped else 0
             message = message_of(stamp, JOINT, [time - first for time in times], rows)
@@ -102,7 +101,7 @@ class _Sender:
     def planned(self, time: float) -> State:
         """Return the state that was planned for a time."""
         at = bisect_right(self.plans, time - self.how.lead, key=itemgetter(0))
-        due, (present, pieces, _) = self.plans[max(at - 1, 0)]
+        due, (present, pieces, *_) = self.plans[max(at - 1, 0)]
         return state_at(pieces, present + time - due)
 
 

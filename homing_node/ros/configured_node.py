@@ -27,7 +27,16 @@ from ..procedures.states import Input
 from . import messages
 
 #: Parameters that take effect at the start only.
-FIXED = ('axes', 'update_rate', 'setpoint_interface', 'serialized', 'joint')
+FIXED = (
+    'axes',
+    'update_rate',
+    'setpoint_interface',
+    'setpoint_horizon',
+    'setpoint_lead',
+    'setpoint_stamp',
+    'serialized',
+    'joint',
+)
 
 
 class ConfiguredNode(Node, ABC):

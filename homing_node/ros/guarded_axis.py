@@ -36,6 +36,7 @@ class GuardedAxis(Axis):
         parameters: AxisParameters,
         period: float,
         report: Callable[[str, Exception], object],
+        lead: float = 0.0,
     ) -> None:
         """Create the axis.
 
@@ -44,8 +45,9 @@ class GuardedAxis(Axis):
             parameters: Its parameters.
             period: The period of the cycle, s.
             report: Called with a text and the exception, once for each run that breaks.
+            lead: How long before its time a setpoint is told, s.
         """
-        super().__init__(name, parameters, period)
+        super().__init__(name, parameters, period, lead)
         self._report = report
         self._broken_run = -1  # the number of the run that raised last
 
@@ -57,6 +59,7 @@ class GuardedAxis(Axis):
     cancel = _guarded(Axis.cancel)
     resume = _guarded(Axis.resume)
     stop = _guarded(Axis.stop)
+    cycles_were_missed = _guarded(Axis.cycles_were_missed)
     cycle_was_late = _guarded(Axis.cycle_was_late)
     set_emergency_stop = _guarded(Axis.set_emergency_stop)
     set_servo = _guarded(Axis.set_servo)

@@ -72,7 +72,7 @@ class HomingNode(ConfiguredNode):
         self._cycle_timeout = checked.cycle_timeout
         self._joints = checked.joints
         self._axes = {
-            name: GuardedAxis(name, parameters, self._period, self._axis_broke)
+            name: GuardedAxis(name, parameters, self._period, self._axis_broke, checked.lead)
             for name, parameters in checked.axes.items()
         }
         self._watched = 0.0
@@ -121,7 +121,7 @@ class HomingNode(ConfiguredNode):
             checked.ready_timeout,
         )
         self._setpoints = INTERFACES[checked.setpoint_interface](
-            self._axes, self._joints, self._period, self._create_setpoints, checked.serialized
+            self._axes, checked, self._timebase, self._create_setpoints
         )
         self._controllers = Controllers(
             self, self._setpoint_publisher, self._describe_setpoints, self._any_run, self._lose
@@ -364,6 +364,11 @@ class HomingNode(ConfiguredNode):
                 self._abandon('the node ended while simulated time stood still')
                 return
             late = clock.read() - begin
+            if abs(late) >= self._period:
+                due, planned = clock.now + self._lead.time, due
+                with self._lock:
+                    for axis in self._axes.values():
+                        axis.cycles_were_missed(max(0.0, due - planned))
             late_cycle = self._late_cycle(late)
             if late_cycle:
                 with self._lock:
@@ -371,8 +376,6 @@ class HomingNode(ConfiguredNode):
                         axis.cycle_was_late(clock.now - self._cycle_timeout, late_cycle)
             elif late < -self._period:
                 self._set_back(-late)
-            if abs(late) >= self._period:
-                due = clock.now + self._lead.time  # missed cycles are not made up for
             try:
                 self._cycle(clock.now, due)
             except Exception as error:
@@ -413,7 +416,7 @@ class HomingNode(ConfiguredNode):
             if changed or self._dispatch.pending:
                 ended = self._dispatch.update(now)
             finished = self._dispatch.closed and self._dispatch.idle
-            message = self._setpoints.message(setpoints)
+            message = self._setpoints.message(setpoints, due)
             if self._order and self._order.cycle(bool(setpoints)):
                 message = self._setpoints.hold(self._order.held)
         if message is not None:

@@ -11,7 +11,8 @@ the end of the 4-byte header).
 """
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from builtin_interfaces.msg import Duration
 from rclpy.serialization import deserialize_message, serialize_message
@@ -21,6 +22,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 NS = 1_000_000_000
 #: The first bytes of a message in plain CDR of little endian byte order, and its numbers.
 LITTLE_ENDIAN = b'\x00\x01'
+#: The position, velocity and acceleration of each joint at a point.
+Row = Sequence[tuple[float, float, float]]
 STAMP, LENGTH = struct.Struct('<iI'), struct.Struct('<I')
 #: Marker whose bytes cannot occur in a name (UTF-8): its first occurrence is the first position.
 MARK = 1.0
@@ -94,77 +97,88 @@ def _text(data: bytes, at: int) -> tuple[str, int]:
     return data[at + 4 : end - 1].decode(errors='replace'), end + -end % 4
 
 
-def _ahead(period: float) -> Duration:
-    nanoseconds = round(period * NS)
-    return Duration(sec=nanoseconds // NS, nanosec=nanoseconds % NS)
-
-
 class PlainTrajectoryWriter:
-    """Writes trajectories as message objects: one point a period ahead; the stamp is 0, now."""
-
-    def __init__(self, period: float) -> None:
-        self._ahead = _ahead(period)
+    """Writes trajectories as message objects."""
 
     def write(
-        self, names: list[str], setpoints: Iterable[tuple[float, float, float]]
+        self, names: list[str], stamp: int, times: Sequence[int], rows: Sequence[Row]
     ) -> JointTrajectory:
-        """Return the message with each joint's position, velocity and acceleration, SI."""
-        positions, velocities, accelerations = zip(*setpoints, strict=True)
-        return JointTrajectory(
-            joint_names=names,
-            points=[
+        """Return the message of points with each joint's position, velocity and acceleration.
+
+        Args:
+            names: The joints.
+            stamp: When the trajectory starts, ns of ROS time; 0: when it is received.
+            times: The time of each point from the start, ns.
+            rows: The states of the joints at each point, SI.
+        """
+        points = []
+        for time, row in zip(times, rows, strict=True):
+            positions, velocities, accelerations = zip(*row, strict=True)
+            points.append(
                 JointTrajectoryPoint(
                     positions=positions,
                     velocities=velocities,
                     accelerations=accelerations,
-                    time_from_start=self._ahead,
+                    time_from_start=Duration(sec=time // NS, nanosec=time % NS),
                 )
-            ],
-        )
+            )
+        message = JointTrajectory(joint_names=names, points=points)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NS)
+        return message
 
 
 class TrajectoryWriter:
     """Writes the same trajectories as bytes.
 
-    rclpy serializes the constant part once; each cycle packs only the numbers.
+    rclpy serializes the constant part once for each number of points; each cycle packs only the
+    numbers.
     """
 
-    def __init__(self, period: float) -> None:
-        self._ahead = _ahead(period)
+    def __init__(self) -> None:
         self._names: list[str] = []
-        self._data = bytearray()
-        self._begin = 0
-        self._numbers = struct.Struct('')
+        self._frames: dict[int, Frame] = {}  # by the number of points
 
-    def write(self, names: list[str], setpoints: Iterable[tuple[float, float, float]]) -> bytes:
-        """Return the message with each joint's position, velocity and acceleration, SI."""
-        count = len(names)
+    def write(
+        self, names: list[str], stamp: int, times: Sequence[int], rows: Sequence[Row]
+    ) -> bytes:
+        """Return the message; the arguments are those of `PlainTrajectoryWriter.write`."""
         if names != self._names:
-            self._write_frame(names)
-        positions, velocities, accelerations = zip(*setpoints, strict=True)
-        self._numbers.pack_into(
-            self._data, self._begin, *positions, count, *velocities, count, *accelerations
-        )
-        return bytes(self._data)
+            self._names, self._frames = list(names), {}
+        count, joints = len(times), len(names)
+        frame = self._frames.get(count)
+        if frame is None:
+            frame = self._frames[count] = _frame(names, count)
+        numbers: list[float] = []
+        for time, row in zip(times, rows, strict=True):
+            if numbers:
+                numbers.append(joints)
+            positions, velocities, accelerations = zip(*row, strict=True)
+            numbers += positions
+            numbers.append(joints)
+            numbers += velocities
+            numbers.append(joints)
+            numbers += accelerations
+            numbers += (0, time // NS, time % NS)  # no efforts; time_from_start
+        STAMP.pack_into(frame.data, 4, stamp // NS, stamp % NS)
+        frame.numbers.pack_into(frame.data, frame.begin, *numbers)
+        return bytes(frame.data)
 
-    def _write_frame(self, names: list[str]) -> None:
-        marks = [MARK] * len(names)
-        self._data = bytearray(
-            serialize_message(
-                JointTrajectory(
-                    joint_names=names,
-                    points=[
-                        JointTrajectoryPoint(
-                            positions=marks,
-                            velocities=marks,
-                            accelerations=marks,
-                            time_from_start=self._ahead,
-                        )
-                    ],
-                )
-            )
-        )
-        self._begin = self._data.index(struct.pack('=d', MARK))
-        doubles = f'{len(names)}d'
-        self._numbers = struct.Struct('=' + 'I4x'.join([doubles] * 3))
-        self._names = list(names)
+
+class Frame(NamedTuple):
+    """A message with room for its numbers: where they begin, and how they are packed."""
+
+    data: bytearray
+    begin: int
+    numbers: struct.Struct
+
+
+def _frame(names: list[str], count: int) -> Frame:
+    marks = [MARK] * len(names)
+    point = JointTrajectoryPoint(positions=marks, velocities=marks, accelerations=marks)
+    message = JointTrajectory(joint_names=names, points=[point] * count)
+    data = bytearray(serialize_message(message))
+    doubles = f'{len(names)}d'
+    one = 'I4x'.join([doubles] * 3) + 'IiI'
+    return Frame(
+        data, data.index(struct.pack('=d', MARK)), struct.Struct('=' + 'I'.join([one] * count))
+    )

@@ -5,17 +5,20 @@ A new interface is one more class here, its name in `SetpointInterface`
 (parameters/configuration.py) and a line in `INTERFACES`.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
+from ..core.announcement import announcement, least_horizon
 from ..core.axis import Axis, Setpoint
 from ..core.outcome import Outcome
-from ..parameters.configuration import SetpointInterface
+from ..parameters.configuration import Configuration, SetpointInterface, SetpointStamp
 from ..procedures.states import Error
 from .serialized import PlainTrajectoryWriter, TrajectoryWriter
+from .timebase import Stamps, TimeBase
 
 #: (message type, topic) -> a publisher.
 CreatePublisher = Callable[[Any, str], Any]
@@ -27,11 +30,12 @@ class Setpoints(Protocol):
     The cycle calls `message` while the axes are locked and `publish` when they no longer are.
     """
 
-    def message(self, moving: Mapping[str, Setpoint]) -> Any:
+    def message(self, moving: Mapping[str, Setpoint], due: float) -> Any:
         """Return the message of this cycle, None if there is nothing to publish.
 
         Args:
             moving: The setpoints of the axes that move in this cycle, by the axis's name.
+            due: When the cycle is due, s of the core's time.
         """
 
     def publish(self, message: Any) -> None:
@@ -42,34 +46,48 @@ class Setpoints(Protocol):
 
 
 class TrajectorySetpoints:
-    """`trajectory`: publishes the joints that move, on `~/setpoints`."""
+    """`trajectory`: publishes what the joints that move will do, on `~/setpoints`.
+
+    The plan from the present up to `setpoint_horizon`, and a stop to rest after it
+    (core/announcement.py).
+    """
 
     def __init__(
         self,
         axes: Mapping[str, Axis],
-        joints: Mapping[str, str],
-        period: float,
+        checked: Configuration,
+        timebase: TimeBase,
         create_publisher: CreatePublisher,
-        serialized: bool,
     ) -> None:
         """Create the publisher.
 
         Args:
             axes: The axes, by name.
-            joints: The joint of each axis.
-            period: The period of the cycle, s.
+            checked: The parameters of the node.
+            timebase: The clock of the node.
             create_publisher: Makes a publisher of a message type and a topic.
-            serialized: Whether the message is written as bytes (serialized.py).
         """
-        self._axes, self._joints = axes, joints
-        self._writer = (TrajectoryWriter if serialized else PlainTrajectoryWriter)(period)
+        self._axes, self._joints = axes, checked.joints
+        self._period = 1.0 / checked.update_rate
+        least = max(checked.setpoint_horizon, least_horizon(self._period, checked.lead))
+        self._horizon = math.ceil(least / self._period - 1e-6) * self._period
+        self._stamped = checked.setpoint_stamp is SetpointStamp.due
+        self._stamps = Stamps(timebase)
+        self._writer = (TrajectoryWriter if checked.serialized else PlainTrajectoryWriter)()
         self._publisher = create_publisher(JointTrajectory, '~/setpoints')
 
-    def message(self, moving: Mapping[str, Setpoint]) -> Any:
-        """Return a trajectory of the axes that move, one period ahead."""
+    def message(self, moving: Mapping[str, Setpoint], due: float) -> Any:
+        """Return a trajectory of the axes that move."""
         if not moving:
             return None
-        return self._writer.write([self._joints[name] for name in moving], moving.values())
+        courses = [self._axes[name].course(self._horizon) for name in moving]
+        times, rows = announcement(courses, self._period, self._horizon)
+        first = stamp = 0
+        if self._stamped:
+            first = times[0]
+            stamp = self._stamps.stamp_of(due) + first
+            times = [time - first for time in times]
+        return self._writer.write([self._joints[name] for name in moving], stamp, times, rows)
 
     def publish(self, message: Any) -> None:
         """Publish a trajectory."""
@@ -92,17 +110,16 @@ class PositionSetpoints:
     def __init__(
         self,
         axes: Mapping[str, Axis],
-        joints: Mapping[str, str],
-        period: float,
+        checked: Configuration,
+        timebase: TimeBase,
         create_publisher: CreatePublisher,
-        serialized: bool,
     ) -> None:
         """Create the publisher; the arguments are those of `TrajectorySetpoints`."""
         self._axes = axes
         self._publisher = create_publisher(Float64MultiArray, '~/position_commands')
         self._held: dict[str, float] = {}  # the fixed commands of the axes at rest
 
-    def message(self, moving: Mapping[str, Setpoint]) -> Any:
+    def message(self, moving: Mapping[str, Setpoint], due: float) -> Any:
         """Return the position of each axis, in the order of `axes`, while a run is on."""
         for name, axis in self._axes.items():
             if name in moving or not axis.powered:

@@ -21,7 +21,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
-from math import inf, isfinite
+from math import inf
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -48,6 +48,7 @@ from ..plant.layout import DEAD_TIME, FEEDBACK_RATE, AxisLayout, layouts_from
 from ..plant.simulated_axis import SimulatedAxis
 from ..procedures.states import Input
 from .polling import Take, never_called, taker, waiting
+from .simulated_controller import ForwardedPositions, PlayedTrajectories
 
 #: How long before something is due the thread wakes up and waits for the exact time, s.
 LEAD = 0.0001
@@ -69,7 +70,8 @@ LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class Settings:
     """The parameters of the node; rates in Hz, times in s.
 
-    Position commands do not say how long they take: ``setpoint_period``.
+    Position commands do not say how long they take: ``setpoint_period``. The controller that
+    plays the setpoints updates at ``controller_rate``; ``interpolate``: it joins their points.
     """
 
     layouts: Mapping[str, AxisLayout]
@@ -80,6 +82,8 @@ class Settings:
     target_node: str
     setpoint_interface: SetpointInterface
     setpoint_period: float
+    controller_rate: float
+    interpolate: bool
 
 
 #: The node's own parameters; those of an axis are the keys of its layout, and ``joint``.
@@ -112,6 +116,22 @@ DEFINITIONS = table(
         default='homing_node',
     ),
     NODE_DEFINITIONS['setpoint_interface'],
+    Definition(
+        'rate of the updates of the controller that plays the setpoints',
+        float,
+        'Hz',
+        10.0,
+        10000.0,
+        name='controller_rate',
+        default=500.0,
+    ),
+    Definition(
+        'join the points of a trajectory as joint_trajectory_controller does (false: forward the '
+        'next one)',
+        bool,
+        name='interpolate',
+        default=True,
+    ),
     *COMMON_DEFINITIONS.values(),
 )
 
@@ -227,7 +247,9 @@ class SimulatedAxes:
         self._dt = 1.0 / settings.step_rate
         self._dead_time = settings.dead_time
         self._feedback_rate = settings.feedback_rate
-        self._setpoint_period = settings.setpoint_period
+        self._controller: PlayedTrajectories | ForwardedPositions
+        self._controller_rate = settings.controller_rate
+        self._updates = 0  # of the controller
         self._count = 0  # of the samples computed
         self._samples: deque[Sample] = deque()
         self._changes: deque[Change] = deque()
@@ -243,11 +265,16 @@ class SimulatedAxes:
         for name, layout in settings.layouts.items():
             self._connect(node, f'{settings.target_node}/{name}', name, layout)
         self._switches = deque(o for o in self._outputs.values() if o.level is not None)
-        if settings.setpoint_interface == 'trajectory':
-            topic, kind, take = 'setpoints', JointTrajectory, self._take_trajectory
+        joints, rate = settings.joints, settings.controller_rate
+        if settings.setpoint_interface is SetpointInterface.trajectory:
+            topic, kind = 'setpoints', JointTrajectory
+            start = [axis.position for axis in self._axes.values()]
+            self._controller = PlayedTrajectories(joints, start, rate, settings.interpolate)
         else:
-            topic, kind, take = 'position_commands', Float64MultiArray, self._take_positions
-        self._subscribe(node, kind, f'{settings.target_node}/{topic}', QoSProfile(depth=10), take)
+            topic, kind = 'position_commands', Float64MultiArray
+            self._controller = ForwardedPositions(joints, rate, settings.setpoint_period)
+        topic = f'{settings.target_node}/{topic}'
+        self._subscribe(node, kind, topic, QoSProfile(depth=10), self._take)
 
     def _connect(self, node: Node, prefix: str, name: str, layout: AxisLayout) -> None:
         """Create an axis's publishers and subscription, and publish the first levels."""
@@ -342,6 +369,7 @@ class SimulatedAxes:
         for next_message, take in self._inputs:
             for message, _ in waiting(next_message):
                 take(message)
+        self._control()
         start, dt = self._front, self._dt
         before = [axis.position for axis in self._axes.values()]
         changes = []
@@ -371,37 +399,25 @@ class SimulatedAxes:
         if self._count % 500 == 0:
             self._compare_clocks()
 
-    def _take_trajectory(self, message: JointTrajectory) -> None:
-        """Follow the last point, which the homing node sends alone."""
-        if not message.points:
-            return
-        point = message.points[-1]
-        over = point.time_from_start.sec + point.time_from_start.nanosec * 1e-9
-        self._follow(message.joint_names, point.positions, over, point.velocities)
+    def _control(self) -> None:
+        """Let the controller update at its rate; its commands act after the dead time."""
+        while (turn := self._updates / self._controller_rate) <= self._front + 1e-9:
+            self._updates += 1
+            commands = self._controller.update(self._sent_at(turn))
+            for joint, (position, velocity) in commands.items():
+                self._by_joint[joint].follow(position, self._controller.over, velocity)
 
-    def _take_positions(self, message: Float64MultiArray) -> None:
-        self._follow(list(self._by_joint), message.data, self._setpoint_period, ())
+    def _sent_at(self, time: float) -> int:
+        """Return the system time at which a command left that acts at a time of the world, ns."""
+        return int((self._base + time - self._dead_time) * 1e9) + self._to_system
 
-    def _follow(
-        self,
-        joints: Sequence[str],
-        positions: Sequence[float],
-        over: float,
-        velocities: Sequence[float],
-    ) -> None:
-        """Let the drives follow; without velocities they find them themselves."""
-        unknown = [joint for joint in joints if joint not in self._by_joint]
-        odd = len(joints) != len(positions) or len(velocities) not in (0, len(joints))
-        if unknown or odd or not all(map(isfinite, [*positions, *velocities])):
+    def _take(self, message: JointTrajectory | Float64MultiArray) -> None:
+        refused = self._controller.take(message, self._sent_at(self._front))
+        if refused:
             self._logger.warning(
-                f'setpoint ignored: joints {list(joints)}, positions {list(positions)}, '
-                f'velocities {list(velocities)}; the joints here are {list(self._by_joint)}',
+                f'setpoint ignored: {refused}; the joints here are {list(self._by_joint)}',
                 throttle_duration_sec=1.0,
             )
-            return
-        known = velocities or [None] * len(joints)
-        for joint, position, velocity in zip(joints, positions, known, strict=True):
-            self._by_joint[joint].follow(position, over, velocity)
 
 
 def main(args: list[str] | None = None) -> int:

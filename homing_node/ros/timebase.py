@@ -26,6 +26,9 @@ LATE_SHARE, LEAD_STEP, MOST_LEAD = 0.03, 3e-3, 0.8
 #: Two clocks are read one after the other, and the process may be held up in between: they are
 #: read this often, and the closest readings count.
 READINGS = 3
+#: Clocks are related to within this; a difference of more than the other means that one was set,
+#: ns. Between them the stamps follow by this part of the difference a cycle.
+READING_ERROR, CLOCK_WAS_SET, SLOWLY = 20_000, 50_000_000, 64
 #: How much later than asked a sleep of the cycle may end, ns; 50000 by default.
 TIMER_SLACK = 1
 
@@ -85,6 +88,12 @@ class TimeBase:
         """Measure again how system time relates to the core's time; while the axes are locked."""
         self._relation = self._look()
 
+    @property
+    def offset(self) -> int:
+        """How much stamps are ahead of the time of the core, as they were related last, ns."""
+        then, wall = self._relation
+        return wall - round(then * 1e9)
+
     def time_of(self, nanoseconds: int) -> float:
         """Return a stamp in the time of the core, by the last `relate`."""
         then, wall = self._relation
@@ -115,6 +124,29 @@ class TimeBase:
                 closest, relation = after - before, (after, wall)
             before = after
         return relation
+
+
+class Stamps:
+    """Gives the times of the core as stamps of ROS time, for setpoints.
+
+    What lies between the two clocks is measured each time, but followed slowly: jitter of a
+    reading would be jitter of the motion. Only a clock that was set is followed at once.
+    """
+
+    def __init__(self, timebase: TimeBase) -> None:
+        self._timebase = timebase
+        self._offset: int | None = None  # of ROS time to the time of the core, ns
+
+    def stamp_of(self, time: float) -> int:
+        """Return the stamp of a time of the core, ns."""
+        if self._timebase.simulated:
+            return round(time * 1e9)
+        offset = self._timebase.offset
+        if self._offset is None or abs(offset - self._offset) > CLOCK_WAS_SET:
+            self._offset = offset
+        elif abs(offset - self._offset) > READING_ERROR:
+            self._offset += (offset - self._offset) // SLOWLY
+        return round(time * 1e9) + self._offset
 
 
 class Lead:

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller between the setpoints and the simulated drives, fed with messages.
+
+It plays trajectories as joint_trajectory_controller does and positions as
+forward_command_controller does (plant/controller.py).
+"""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from ..plant.controller import (
+    NS,
+    RECOMMENDED,
+    ForwardController,
+    Message,
+    Point,
+    TrajectoryController,
+)
+
+#: The new command of a joint: its position, and its velocity if the controller tells it.
+Command = tuple[float, float | None]
+
+
+class PlayedTrajectories:
+    """Trajectories, played as joint_trajectory_controller does.
+
+    ``interpolate``: whether it joins the points, else it forwards the next one; ``over``: how long
+    a drive takes to follow a command, s.
+    """
+
+    def __init__(
+        self, joints: Sequence[str], positions: Sequence[float], rate: float, interpolate: bool
+    ) -> None:
+        method = 'splines' if interpolate else 'none'
+        self._controller = TrajectoryController(
+            joints, rate, RECOMMENDED._replace(interpolation_method=method)
+        )
+        self._controller.activate(positions)
+        self._last = tuple(positions)
+        self.over = 1.0 / rate
+
+    def take(self, message: JointTrajectory, now: int) -> str:
+        """Take a message at a system time in ns; return why it is refused, else ''."""
+        stamp = message.header.stamp
+        points = tuple(
+            Point(
+                point.time_from_start.sec * NS + point.time_from_start.nanosec,
+                tuple(point.positions),
+                tuple(point.velocities),
+                tuple(point.accelerations),
+            )
+            for point in message.points
+        )
+        if not all(isfinite(value) for point in points for row in point[1:] for value in row):
+            return 'a value is not finite'
+        told = Message(stamp.sec * NS + stamp.nanosec, tuple(message.joint_names), points)
+        return '' if self._controller.receive(told, now) else self._controller.refused
+
+    def update(self, now: int) -> Mapping[str, Command]:
+        """Return the commands that differ from the last ones."""
+        point = self._controller.update(now, self._last)
+        if point is None:
+            return {}
+        last, self._last = self._last, point.positions
+        return {
+            joint: (position, velocity)
+            for joint, position, velocity, before in zip(
+                self._controller.joints, point.positions, point.velocities, last, strict=True
+            )
+            if position != before
+        }
+
+
+class ForwardedPositions:
+    """Arrays of positions, forwarded as forward_command_controller does."""
+
+    def __init__(self, joints: Sequence[str], rate: float, over: float) -> None:
+        self._controller = ForwardController(joints, rate)
+        self._controller.activate()
+        self._last: Sequence[float] = self._controller.command
+        self.over = over
+
+    def take(self, message: Float64MultiArray, now: int) -> str:
+        """Take a message; return why it is refused, else ''."""
+        data = list(message.data)
+        if not self._controller.active:
+            return 'an array of a wrong length has deactivated the controller'
+        if not self._controller.receive(data):
+            return f'positions {data} are not all finite'
+        count = len(self._controller.joints)
+        return '' if len(data) == count else f'{len(data)} positions for {count} joints'
+
+    def update(self, now: int) -> Mapping[str, Command]:
+        """Return the commands that differ from the last ones."""
+        command = self._controller.update()
+        if command is None:
+            return {}
+        last, self._last = self._last, command
+        return {
+            joint: (position, None)
+            for joint, position, before in zip(self._controller.joints, command, last, strict=True)
+            if position != before and isfinite(position)
+        }
