@@ -3,6 +3,7 @@
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import pytest
 from core_rig import (
@@ -914,3 +915,29 @@ def test_lost_feedback_ends_a_pause():
         made.cycle()
     made._send_feedback = lambda time, position: None
     assert error_of(made.finish()) is Error.FeedbackStale
+
+
+def test_an_axis_with_two_sources_of_its_joint_is_refused():
+    """Case 4: a joint_state_publisher repeats the joint at 0 beside the real driver."""
+    made = axis()
+    for n in range(100):
+        made.feedback(1.0 + 0.01 * n, 0.05)
+        if n % 5 == 0:
+            made.feedback(1.003 + 0.01 * n, 0.0)
+    refusal = refused(made, 2.0)
+    assert refusal.error is Error.PublisherConflict
+    for part in ("joint 'x'", ' 0 m', '0.05 m', 'second node publish it'):
+        assert part in refusal.message, refusal.message
+
+
+@pytest.mark.parametrize('direction', DIRECTIONS)
+def test_a_second_source_in_a_run_stops_the_axis_where_it_is(direction):
+    """The stop goes on from the command, not from the place that the second source names."""
+    running = underway(direction)
+    before = running.course.samples[-1]
+    running.axis.feedback(running.time + 0.0001, before.feedback - direction * 0.08)
+    course = running.finish()
+    assert course.outcome.error is Error.PublisherConflict
+    assert abs(course.samples[-1].position - before.position) < 0.02
+    steps = [b.position - a.position for a, b in pairwise(course.samples)]
+    assert max(map(abs, steps)) <= 0.2 * running.period * 1.01

@@ -116,7 +116,8 @@ class Axis:
             doubt: how far ``time`` may be wrong, s; 0 if it is a stamp that is trusted.
         """
         arrival = time if arrival is None else arrival
-        failure = self.readings.feedback(time, position, arrival, doubt)
+        homing = self.machine is not None
+        failure = self.readings.feedback(time, position, arrival, doubt, homing)
         if failure is not None and self.machine is not None:
             self.machine.fail(failure)
 

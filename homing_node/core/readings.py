@@ -13,6 +13,7 @@ from ..procedures.states import Error, Input
 from .outcome import Failure
 from .signals import Edge, Mark, Switch
 from .track import Track
+from .two_sources import TwoSources
 
 #: The arrival of a message that never came.
 NEVER = -1e300
@@ -32,6 +33,7 @@ class Readings:
     Attributes:
         moving: whether the axis is told to move.
         settled: when the feedback had settled after the last run, s.
+        sources: whether two nodes publish the joint.
         track: the recorded feedback, in the *toward* frame, m or rad.
         arrival: when the newest feedback arrived, s.
         switches: the wired switches, with their levels.
@@ -43,6 +45,7 @@ class Readings:
         self.moving = False
         self.settled = NEVER
         self.track = Track()
+        self.sources = TwoSources()
         self.arrival = NEVER
         self.switches: dict[Input, Switch] = {}
         self.servo_enabled: bool | None = None
@@ -56,6 +59,9 @@ class Readings:
     def configure(self, parameters: AxisParameters) -> None:
         """Use new parameters; the known level of a switch is turned with its polarity."""
         self._parameters = parameters
+        self._noise = 1e-3 * parameters.travel
+        self._leap = 0.01 * parameters.travel + 2.0 * parameters.following_error_limit
+        self._speed = max(parameters.homing_velocity_fast, parameters.home_shift_velocity)
         sign = parameters.home_direction.sign
         if sign != self._sign:
             self.track.mirror()
@@ -83,19 +89,26 @@ class Readings:
     # ----------------------------------------------------------------------------------- messages
 
     def feedback(
-        self, time: float, position: float, arrival: float, doubt: float
+        self, time: float, position: float, arrival: float, doubt: float, homing: bool = False
     ) -> Failure | None:
         """Record a feedback sample, its position raw; one that is not newer is dropped.
 
+        While the axis homes, a sample is also dropped if the axis cannot have moved so far: a stop
+        must not begin at a place where the axis is not.
+
         Returns:
-            What is wrong with the sample: it jumped by a turn.
+            What is wrong with the sample: it jumped by a turn, or further than the axis can move.
         """
         track = self.track
+        self.sources.add(arrival, position, self._noise + 5.0 * self._speed * track.interval)
         if self._parameters.wrap:
             self._from_zero = self._from_zero or position > 0.5 * self._parameters.wrap
             position = self.unwrapped(position)
         step = self._sign * position - track.position
         jumped = self.known and abs(abs(step) - TURN) < A_TURN * TURN
+        reach = self._leap + 10.0 * self._speed * (time - track.time)
+        if homing and not jumped and abs(step) > reach:
+            return self._second_source(track.position, track.position + step)
         if track.append(time, self._sign * position, doubt, self.moving):
             self.arrival = arrival
         if not jumped:
@@ -104,6 +117,14 @@ class Readings:
             Error.FollowingError,
             f'the feedback jumped by {self._sign * step:.6g} m, about 2 pi',
             'is it published modulo a turn (wrap)?',
+        )
+
+    def _second_source(self, one: float, other: float) -> Failure:
+        """Return the failure of two places for one joint, m in the *toward* frame."""
+        return Failure(
+            Error.PublisherConflict,
+            f'the feedback says {self._sign * one:.6g} m and {self._sign * other:.6g} m',
+            'does a second node publish this joint, or did its driver restart?',
         )
 
     def unwrapped(self, position: float) -> float:
@@ -221,6 +242,16 @@ class Readings:
             f'the feedback jumps between places {abs(apart):.6g} m apart, although the axis rests',
         )
 
+    def conflict(self, joint: str) -> Failure | None:
+        """Return the failure of a joint that two nodes publish, None if one does."""
+        if self.sources.places is None:
+            return None
+        one, other = (self._sign * place for place in self.sources.places)
+        failure = self._second_source(one, other)
+        return failure._replace(
+            seen=f'joint {joint!r}: {failure.seen}, in turn: does a second node publish it?'
+        )
+
     def unready(self, now: float, joint: str) -> Failure | None:
         """Return which input keeps a run from starting, None if all are known and fresh."""
         if not self.known:
@@ -228,6 +259,9 @@ class Readings:
         old = self._old_feedback(now)
         if old is not None:
             return old
+        conflict = self.conflict(joint)
+        if conflict is not None:
+            return conflict
         unknown = self.unknown_inputs
         if unknown:
             return Failure(Error.SwitchUnknown, f'no message yet from {", ".join(unknown)}')

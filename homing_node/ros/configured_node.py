@@ -59,6 +59,7 @@ class ConfiguredNode(Node, ABC):
         }
         self.configuration = configuration(given)
         self.faults: dict[str, tuple[str, ...]] = {}
+        self._unwired: dict[str, tuple[str, ...]] = {}  # why an axis lacks a topic
         self._prove(self.configuration)
         clock = COMMON_DEFINITIONS['use_sim_time']  # rclpy has declared it already
         self.set_descriptor(clock.name, messages.descriptor(clock, read_only=True))
@@ -161,7 +162,7 @@ class ConfiguredNode(Node, ABC):
         return super().set_parameters_atomically(parameter_list) if result.successful else result
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Check each value, and the cross-checks where several are set together."""
+        """Check each value, the cross-checks of values set together, and what `check` finds."""
         axes = self.configuration.axes
         faults: list[str] = []
         changed: dict[str, dict[str, object]] = {}
@@ -180,19 +181,62 @@ class ConfiguredNode(Node, ABC):
         for axis, values in changed.items():
             if len(values) > 1 and not faults:
                 faults += check_axis_values(axis, {**self._values(axis), **values})
+        if not faults:
+            faults += self._new_errors({one.name: one.value for one in parameters})
         return SetParametersResult(successful=not faults, reason='; '.join(faults))
+
+    def _new_errors(self, values: Mapping[str, object]) -> list[str]:
+        """Return the errors of `homing check` that new values would bring.
+
+        Values that contradict each other are no reason to refuse one of them: the other may follow
+        by its own request. A run does not start with them.
+        """
+        try:
+            after = errors(check(configuration({**self._all_values(), **values})))
+        except InvalidParameters:
+            return []
+        try:
+            before = errors(check(configuration(self._all_values())))
+        except InvalidParameters:
+            before = []
+        known = {(one.axis, one.check) for one in before}
+        return [one.text for one in after if (one.axis, one.check) not in known]
 
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
         """Forward new values; they take effect at the next run."""
         for parameter in parameters:
             if parameter.name in NODE_DEFINITIONS:
                 self.take(parameter.name, parameter.value)
+        problems = self._problems()
         for axis in {p.name.partition('.')[0] for p in parameters} & set(self.configuration.axes):
-            self.faults.pop(axis, None)
+            self._unwired.pop(axis, None)
             try:
                 self.take_axis(axis, axis_parameters(self._values(axis), axis))
             except InvalidParameters as error:
-                self.faults[axis] = error.faults
+                self._unwired[axis] = error.faults
+        self.faults = {**self._unwired, **problems}
+
+    def _problems(self) -> dict[str, tuple[str, ...]]:
+        """Return why runs cannot start with the present values, by axis."""
+        try:
+            found = errors(check(configuration(self._all_values())))
+        except InvalidParameters as error:
+            faults = [(fault.partition('.')[0], fault) for fault in error.faults]
+        else:
+            faults = [(one.axis, one.text) for one in found]
+        return {
+            axis: of_axis
+            for axis in self.configuration.axes
+            if (of_axis := tuple(text for owner, text in faults if owner == axis))
+        }
+
+    def _all_values(self) -> dict[str, object]:
+        """Return all parameters of the node and its axes that have a value, by flat name."""
+        names = [*NODE_DEFINITIONS]
+        for axis in self.configuration.axes:
+            names += [f'{axis}.{name}' for name in AXIS_DEFINITIONS]
+        values = {name: self.get_parameter(name).value for name in names}
+        return {name: value for name, value in values.items() if value is not None}
 
     def _values(self, axis: str) -> dict[str, object]:
         """Return the parameters of an axis that have a value, without its topics."""

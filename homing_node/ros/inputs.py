@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
@@ -14,6 +15,7 @@ from ..core.axis import Axis
 from ..core.outcome import Outcome
 from ..core.stamps import REORDERED, Stamps, too_late
 from ..parameters.definition import InvalidParameters
+from ..parameters.wiring import Place, Wiring
 from ..procedures.states import LATCHES, Error, Input
 from . import messages
 from .polling import Info, Take, taker, waiting
@@ -25,6 +27,9 @@ from .timebase import TimeBase
 UNSTAMPED = 2.0
 #: More lists of joints than publishers can have: the oldest one is forgotten.
 MANY_LISTS = 100
+
+#: Hears the last message of a publisher that latches it.
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 #: (message type, topic, QoS) -> a polled subscription; raises ValueError if there can be none.
 Subscribe = Callable[[Any, str, Any], Any]
@@ -105,8 +110,13 @@ class Inputs:
         self._list = JointList([], {})
         self._feedback_stamps: dict[str, Stamps] = {}  # of each axis, as last judged
         self._reader = JointStateReader() if serialized else PlainJointStateReader()
-        self._next_feedback = taker(subscribe(JointState, 'joint_states', feedback_qos), True)
-        self._next_emergency_stop = taker(subscribe(Bool, '~/emergency_stop', 10), True)
+        feedback = subscribe(JointState, 'joint_states', feedback_qos)
+        self._feedback_topic = feedback.topic_name
+        self._next_feedback = taker(feedback, True)
+        # The latched subscription also receives what was published before the node started.
+        self._emergency_stops = [
+            taker(subscribe(Bool, '~/emergency_stop', qos), True) for qos in (10, LATCHED)
+        ]
         self._wired: dict[str, list[WiredInput]] = {name: [] for name in axes}
         self._all: list[tuple[Take, Axis, WiredInput]] = []
 
@@ -154,6 +164,17 @@ class Inputs:
         depth = 10 if source is Input.SERVO_ENABLED else 100
         return WiredInput(source, topic, Stamps(0.0), self._subscribe(kind, topic, depth))
 
+    @property
+    def wiring(self) -> Wiring:
+        """Which signal each wired input reads, by the full names of the topics."""
+        return Wiring(
+            {
+                Place(axis, one.source): one.subscription.topic_name
+                for axis, inputs in self._wired.items()
+                for one in inputs
+            }
+        )
+
     def poll(self) -> None:
         """Give the messages that have arrived to their axes, the feedback last."""
         self._clock.relate()
@@ -163,8 +184,9 @@ class Inputs:
                 self._take(axis, one, *taken)
                 for data, info in waiting(take):
                     self._take(axis, one, data, info)
-        for data, info in waiting(self._next_emergency_stop):
-            self._take_emergency_stop(data, info)
+        for take in self._emergency_stops:
+            for data, info in waiting(take):
+                self._take_emergency_stop(data, info)
         for data, info in waiting(self._next_feedback):
             self._take_feedback(data, info)
 
@@ -173,6 +195,14 @@ class Inputs:
 
         ``publishers_of`` returns the names of the nodes that publish a topic.
         """
+        axis = self._axes[name]
+        conflict = axis.readings.conflict(axis.parameters.joint or name)
+        if conflict is not None:
+            nodes = ', '.join(publishers_of(self._feedback_topic))
+            return Outcome(
+                conflict.error,
+                f'axis {name}: {conflict.seen} {self._feedback_topic} is published by {nodes}',
+            )
         for one in self._wired[name]:
             publishers = one.subscription.get_publisher_count()
             if publishers > 1:

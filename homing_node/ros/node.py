@@ -30,6 +30,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from ..core.dispatch import Dispatch
 from ..core.outcome import Outcome, together
+from ..core.shared_signals import SharedSignals
 from ..diagnosis import facts
 from ..parameters.axis import AxisParameters
 from ..parameters.configuration import home_sequence
@@ -113,6 +114,8 @@ class HomingNode(ConfiguredNode):
         )
         for name in self._axes:
             self._inputs.wire(name, self.topics_of(name))
+        self._shared_signals = SharedSignals(self._axes, self._inputs.wiring)
+        self._note_wiring()
         self._dispatch: Dispatch[Future] = Dispatch(
             self._axes,
             checked.home_sequence,
@@ -245,6 +248,7 @@ class HomingNode(ConfiguredNode):
             return Outcome(Error.InvalidParameter, '; '.join(self.faults[name]))
         return (
             self._inputs.conflict(name, self._publishers_of)
+            or self._shared_signals.refusal(name)
             or self._controllers.conflict()
             or self._controllers.verdict.wrong
             or (self._order and self._order.wrong)
@@ -291,6 +295,13 @@ class HomingNode(ConfiguredNode):
         with self._lock:
             self._axes[axis].configure(parameters)
             self._inputs.wire(axis, self.topics_of(axis))
+            self._note_wiring()
+
+    def _note_wiring(self) -> None:
+        """Note which inputs read the same signal."""
+        wiring = self._shared_signals.wiring = self._inputs.wiring
+        for name, axis in self._axes.items():
+            axis.wire_in_series(wiring.in_series(name))
 
     def take(self, name: str, value: Any) -> None:
         """Take a new value of one of the node's own parameters."""
