@@ -416,6 +416,16 @@ def test_each_value_of_one_call_is_answered(client):
     assert client.set(y__ls_dec=1.0).successful
 
 
+@pytest.mark.parametrize('velocity', [1.0, 4.0])
+def test_a_value_that_the_check_calls_an_error_is_refused_when_it_is_set(client, velocity):
+    """Case 5: at this velocity the axis cannot stop before its end."""
+    result = client.set(y__homing_velocity_fast=velocity)
+    assert not result.successful
+    for part in ('axis y', f'{velocity:g} m/s', 'travel', 'm/s'):
+        assert part in result.reason, result.reason
+    assert client.get('y.homing_velocity_fast') == [0.05]
+
+
 def test_values_that_contradict_each_other(client, setpoints):
     """Together they are refused; one after the other they are judged when a run starts."""
     result = client.set(
