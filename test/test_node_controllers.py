@@ -56,9 +56,10 @@ def cell(tmp_path):
 
     def make(controller=None, interface='trajectory', timeout=5.0, twice=False, **options):
         axes = {'x': {'joint': 'x_joint'}, 'y': {'joint': 'y_joint'}}
+        patient = {name: {**axis, 'following_error': 0.05} for name, axis in axes.items()}
         world = ros.World(
             tmp_path,
-            ros.node_parameters(axes, ready_timeout=timeout, setpoint_interface=interface),
+            ros.node_parameters(patient, ready_timeout=timeout, setpoint_interface=interface),
             ros.plant_parameters({name: dict(values) for name, values in axes.items()}),
             arguments=REMAP[1:],
         )
@@ -253,7 +254,7 @@ def managed(cell):
 
 def test_a_manager_says_that_the_controller_is_not_active(managed):
     world = managed('inactive')
-    world.client.set(ready_timeout=2.0)
+    world.client.set(ready_timeout=8.0)
     messages, answer = refused(world)
     assert answer.message.startswith('NoController: /axes_controller is inactive, not active')
     assert messages == []
