@@ -43,7 +43,7 @@ def fault_cases():
                 'x.travel',
                 'x.homing_velocity_fst',
                 "did you mean 'homing_velocity_fast'",
-                'x.homing_velocity_slow: -1.0 m/s must be > 0 m/s',
+                'x.homing_velocity_slow: -1.0 m/s must be >= 1e-07 and <= 10000 m/s',
                 "'HSHSH'",
                 'update_rat',
                 "did you mean 'update_rate'",
@@ -71,7 +71,7 @@ def fault_cases():
         ),
         'beyond every range': (
             described(travel=1e301, timeout=1e302),
-            ['x.travel: 1e+301 m must be <= 1e+300 and > 0 m', 'x.timeout: 1e+302 s must be'],
+            ['x.travel: 1e+301 m must be >= 1e-06 and <= 100000 m', 'x.timeout: 1e+302 s must be'],
         ),
         'unquoted y': (
             '/**:\n  ros__parameters:\n    axes: [x, y]\n',
