@@ -142,7 +142,7 @@ class Rules(ast.NodeVisitor):
 def broken_rules(source, classes=None):
     tree = ast.parse(source)
     here = classes_of([tree])
-    rules = Rules(here if classes is None else classes, set(here))
+    rules = Rules({**(classes or {}), **here}, set(here))  # its own come first
     rules.visit(tree)
     return rules.found
 
