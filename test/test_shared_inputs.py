@@ -160,7 +160,7 @@ def in_series(home_type, start, direction=1, **changes):
     rehearsal = rig(home_type, **changes).rehearsal(direction, start)
     layout = rig(home_type).layout._replace(start=start)
     rehearsal.plant = OneInput(layout if direction > 0 else mirrored(layout))
-    rehearsal.axis.wire_in_series([LimitPair.HARDWARE])
+    rehearsal.axis.readings.wire_in_series([LimitPair.HARDWARE])
     levels = rehearsal.plant.levels().items()
     rehearsal._drivers = {name: rehearsal._driver(name, level) for name, level in levels}
     rehearsal._introduce()

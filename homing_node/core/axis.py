@@ -8,10 +8,9 @@ homing direction is applied here. SI units; times are in s of one monotonic cloc
 """
 
 import math
-from collections.abc import Iterable
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import LATCHES, LIMIT_SWITCHES, Error, Input, LimitPair, State
+from ..procedures.states import LATCHES, LIMIT_SWITCHES, Error, Input, State
 from .announcement import Course
 from .edge_queue import EdgeQueue
 from .history import History
@@ -21,7 +20,6 @@ from .outcome import Failure, Outcome
 from .profile import Profile
 from .readings import Readings
 from .result import outcome_of
-from .series_limits import SeriesLimits
 from .settling import Rest, Settling
 from .signals import Edge
 from .track import Track
@@ -76,7 +74,6 @@ class Axis:
         self.readings = Readings(parameters)
         self._edges = EdgeQueue()
         self._settling = Settling(lead)
-        self._series = SeriesLimits()
         self._commands = Track()
         self._rest: Rest | None = None
         self._moved = False
@@ -96,11 +93,6 @@ class Axis:
         self._sign = parameters.home_direction.sign
         self.readings.configure(parameters)
         self.profile = Profile(self.period, parameters.max_jerk, lead=self.lead)
-
-    def wire_in_series(self, pairs: Iterable[LimitPair]) -> None:
-        """Set which pairs of limit switches are one input; known ends stay if nothing changes."""
-        if self._series.pairs != frozenset(pairs):
-            self._series = SeriesLimits(pairs)
 
     # ------------------------------------------------------------------------------------- inputs
 
@@ -169,11 +161,6 @@ class Axis:
         """Whether the drive holds the axis, as far as it is known."""
         return self.servo_on and not self.readings.servo_is_off
 
-    def is_on(self, switch: Input) -> bool:
-        """Whether a wired switch is known to be on."""
-        known = self.readings.switches.get(switch)
-        return known is not None and known.level is True
-
     def refusal(self, now: float) -> Outcome | None:
         """Return why a run cannot start now, None if it can."""
         if self.machine is not None:
@@ -211,7 +198,7 @@ class Axis:
             readings.switches,
             now,
             readings.track.position,
-            self._series,
+            readings.series,
         )
         self.machine.begin()
         return None
@@ -387,7 +374,7 @@ class Axis:
         machine = self.machine
         if machine is None:
             if edge.rises:
-                self._series.rose_without_run(edge.input)
+                self.readings.series.rose_without_run(edge.input)
             return
         if edge.input in LIMIT_SWITCHES:
             if edge.rises:
@@ -479,13 +466,10 @@ class Axis:
         self._end(outcome_of(machine, self.name, readings.finest))
         if watched:
             readings.settled = readings.track.time
-        if machine.ending.servo_off:
+        ending, rest = machine.ending, Rest(self._sign * self.profile.position, self.raw_position)
+        if ending.servo_off:
             self.servo_on = False
-        self._rest = (
-            None
-            if machine.ending.silent or machine.ending.servo_off
-            else Rest(self._sign * self.profile.position, self.raw_position)
-        )
+        self._rest = None if ending.silent or ending.servo_off else rest
         return self._setpoint(now) if self._moved and not machine.ending.silent else None
 
     def _end(self, outcome: Outcome) -> None:

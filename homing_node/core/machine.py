@@ -40,17 +40,6 @@ class Snapshot(NamedTuple):
     fine_passes: tuple[Mark, ...]
 
 
-#: How a run ends if a switch never falls on the way back.
-STUCK_SWITCH = frozenset(
-    {
-        Error.LSTriggered,
-        Error.SearchDistanceExceeded,
-        Error.MaxLSRevDistanceTraveled,
-        Error.MaxHSOnAtStartRevDistanceTraveled,
-    }
-)
-
-
 class Machine:
     """One run through the table of a home type.
 
@@ -207,28 +196,7 @@ class Machine:
             second = self._reversed and limit.way is Way.TOWARD
             again = ' for the second time in this run' if second else ''
             seen = f'the {limit.name} rose{again}'
-            self.fail(Failure(Error.LSTriggered, seen, self._bounce_hint()), action)
-
-    def _bounce_hint(self) -> str:
-        """Return what to do about a flag that was taken for a bounce, '' if none was."""
-        width, p = self._switches.dismissed, self.parameters
-        if width is None:
-            return ''
-        return (
-            f'the home switch fell {width:.3g} m behind its rise, which was taken for a bounce '
-            f'(within {p.flag_bounce_distance:.3g} m, 5 ms x homing_velocity_fast); set '
-            'switch_debounce, or a lower homing_velocity_fast'
-        )
-
-    def _at_edge_of(self, limit: Limit) -> bool:
-        """Return whether the axis is where a limit fell, and that is the home position."""
-        edge = self.passes.fine[-1] if self.passes.fine else None
-        return (
-            isinstance(edge, Edge)
-            and edge.input is limit.input
-            and not edge.rises
-            and self.feedback >= edge.position - self.parameters.edge_agreement
-        )
+            self.fail(Failure(Error.LSTriggered, seen, self._switches.bounce_hint), action)
 
     def limit_falls(self, switch: Input) -> None:
         """Remember where a limit fell, so that its bounce is not taken for a rise."""
@@ -244,9 +212,7 @@ class Machine:
         The first error stays. A harder stop that comes later takes over.
         """
         if not self.ending.stopping:
-            hint = failure.hint
-            if failure.error in STUCK_SWITCH:
-                hint = self._switches.stuck_home_switch(self.row) or hint
+            hint = self._switches.stuck_hint(failure.error, self.row) or failure.hint
             hint = hint and f'; {hint}'
             self._give_up(failure.error, f'{failure.seen} in {self.state}{hint}')
         self.ending.stop(action or Action(self.parameters.ls_dec))
@@ -317,7 +283,7 @@ class Machine:
                     Failure(
                         Error.LSTriggered,
                         'a limit ahead was hit for the second time in this run',
-                        self._bounce_hint()
+                        self._switches.bounce_hint
                         or 'is the home switch between the limits, and does it hold its level?',
                     )
                 )
@@ -402,7 +368,7 @@ class Machine:
             stopping=self.ending.stopping,
             braking=rests or motion.way is Way.AWAY,
             to_home=motion.kind is Kind.HOME,
-            at_its_edge=self._at_edge_of(limit),
+            at_its_edge=self.passes.end_at_fall_of(limit.input, self.feedback),
             awaited=self._switches.awaits(self.row, limit, self._reversed),
             turned_by_it=isinstance(cause, Edge) and cause.input is limit.input,
             just_left=self._limits.bounces(limit.input, self.feedback),

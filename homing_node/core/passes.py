@@ -7,7 +7,7 @@ Positions are in the *toward* frame, m or rad.
 from statistics import fmean, pstdev
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import Error
+from ..procedures.states import Error, Input
 from .outcome import Failure
 from .signals import Edge, Mark
 
@@ -29,6 +29,16 @@ class Passes:
         """Take a pass that gives home; return whether one more is wanted."""
         self.fine.append(mark)
         return len(self.fine) < self._parameters.repeat
+
+    def end_at_fall_of(self, switch: Input, feedback: float) -> bool:
+        """Return whether the last pass ended at a switch's fall, and the axis is all but there."""
+        edge = self.fine[-1] if self.fine else None
+        return (
+            isinstance(edge, Edge)
+            and edge.input is switch
+            and not edge.rises
+            and feedback >= edge.position - self._parameters.edge_agreement
+        )
 
     @property
     def range(self) -> float:

@@ -9,8 +9,9 @@ from collections.abc import Iterable, Iterator
 
 from ..parameters.axis import AxisParameters, switch_inputs
 from ..parameters.units import Unit
-from ..procedures.states import Error, Input
+from ..procedures.states import Error, Input, LimitPair
 from .outcome import Failure
+from .series_limits import SeriesLimits
 from .signals import Edge, Mark, Switch
 from .track import Track
 from .two_sources import TwoSources
@@ -38,6 +39,7 @@ class Readings:
         arrival: when the newest feedback arrived, s.
         switches: the wired switches, with their levels.
         servo_enabled: the drive's own servo state; None before its first message.
+        series: the pairs of limit switches that are one input.
         unsettled: whether a level change may still wait for its debounce.
     """
 
@@ -49,6 +51,7 @@ class Readings:
         self.arrival = NEVER
         self.switches: dict[Input, Switch] = {}
         self.servo_enabled: bool | None = None
+        self.series = SeriesLimits()
         self.unsettled = False
         self._parameters = parameters
         self._sign = 1.0
@@ -72,6 +75,16 @@ class Readings:
             known.turn(parameters.inverted(switch))
             known.debounce = parameters.switch_debounce
             self.switches[switch] = known
+
+    def wire_in_series(self, pairs: Iterable[LimitPair]) -> None:
+        """Set which pairs of limit switches are one input; known ends stay if nothing changes."""
+        if self.series.pairs != frozenset(pairs):
+            self.series = SeriesLimits(pairs)
+
+    def is_on(self, switch: Input) -> bool:
+        """Return whether a wired switch is known to be on."""
+        known = self.switches.get(switch)
+        return known is not None and known.level is True
 
     @property
     def known(self) -> bool:

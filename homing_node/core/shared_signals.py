@@ -32,7 +32,11 @@ class SharedSignals:
                         Error.Busy,
                         f'axis {name}: axis {other} is homing, and both read {source} ({signal})',
                     )
-            if source not in LATCHES and source is not Input.SERVO_ENABLED and axis.is_on(source):
+            if (
+                source not in LATCHES
+                and source is not Input.SERVO_ENABLED
+                and axis.readings.is_on(source)
+            ):
                 listed = ', '.join(names)
                 return Outcome(
                     Error.SwitchUnknown,

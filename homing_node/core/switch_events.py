@@ -7,10 +7,20 @@ from ..parameters.axis import AxisParameters
 from ..procedures.events import Event
 from ..procedures.motions import Way
 from ..procedures.procedure import Row
-from ..procedures.states import Input, Role
+from ..procedures.states import Error, Input, Role
 from .flags import FlagEnds
 from .limits import Limit, LimitSwitches
 from .signals import Edge, Switch
+
+#: How a run ends if a switch never falls on the way back.
+STUCK_SWITCH = frozenset(
+    {
+        Error.LSTriggered,
+        Error.SearchDistanceExceeded,
+        Error.MaxLSRevDistanceTraveled,
+        Error.MaxHSOnAtStartRevDistanceTraveled,
+    }
+)
 
 
 class SwitchEvents:
@@ -19,6 +29,7 @@ class SwitchEvents:
     def __init__(
         self, parameters: AxisParameters, switches: Mapping[Input, Switch], limits: LimitSwitches
     ) -> None:
+        self._parameters = parameters
         self._switches = switches
         self._limits = limits
         target = parameters.procedure.target
@@ -34,18 +45,26 @@ class SwitchEvents:
             self._flags.add(edge)
         self._limits.remember(edge)
 
-    @property
-    def dismissed(self) -> float | None:
-        """How far behind its rise a fall was that was taken for a bounce, m; None: no fall."""
-        return self._flags.dismissed
-
     def on(self, switch: Input) -> bool:
         """Return whether a switch is wired and on."""
         return switch in self._switches and self._switches[switch].level is True
 
-    def stuck_home_switch(self, row: Row) -> str:
+    @property
+    def bounce_hint(self) -> str:
+        """What to do about a flag that was taken for a bounce, '' if none was."""
+        width, p = self._flags.dismissed, self._parameters
+        if width is None:
+            return ''
+        return (
+            f'the home switch fell {width:.3g} m behind its rise, which was taken for a bounce '
+            f'(within {p.flag_bounce_distance:.3g} m, 5 ms x homing_velocity_fast); set '
+            'switch_debounce, or a lower homing_velocity_fast'
+        )
+
+    def stuck_hint(self, error: Error, row: Row) -> str:
         """Return a hint if a row waits for the fall of a home switch that was never off, or ''."""
-        if Event.HS_FALLS not in row.on or Input.HOME_SWITCH not in self._always_on:
+        waits = error in STUCK_SWITCH and Event.HS_FALLS in row.on
+        if not waits or Input.HOME_SWITCH not in self._always_on:
             return ''
         return (
             'the home switch was on at the start and never fell: is its polarity right '

@@ -301,7 +301,7 @@ class HomingNode(ConfiguredNode):
         """Note which inputs read the same signal."""
         wiring = self._shared_signals.wiring = self._inputs.wiring
         for name, axis in self._axes.items():
-            axis.wire_in_series(wiring.in_series(name))
+            axis.readings.wire_in_series(wiring.in_series(name))
 
     def take(self, name: str, value: Any) -> None:
         """Take a new value of one of the node's own parameters."""
