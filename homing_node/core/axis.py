@@ -10,7 +10,7 @@ homing direction is applied here. SI units; times are in s of one monotonic cloc
 import math
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import LATCHES, LIMIT_SWITCHES, Error, Input, State
+from ..procedures.states import LIMIT_SWITCHES, Error, Input, State
 from .announcement import Course
 from .edge_queue import EdgeQueue
 from .history import History
@@ -20,9 +20,8 @@ from .outcome import Failure, Outcome
 from .profile import Profile
 from .readings import Readings
 from .result import outcome_of
-from .settling import Rest, Settling
+from .settling import Rest, Settling, jammed
 from .signals import Edge
-from .track import Track
 
 #: The ends of a run whose cause is that the axis is not where its command is.
 ASTRAY = frozenset({Error.FollowingError, Error.WrongDirection})
@@ -72,9 +71,8 @@ class Axis:
         self.parameters = parameters
         self._sign = parameters.home_direction.sign
         self.readings = Readings(parameters)
-        self._edges = EdgeQueue()
+        self._edges = EdgeQueue(parameters)
         self._settling = Settling(lead)
-        self._commands = Track()
         self._rest: Rest | None = None
         self._moved = False
         self.configure(parameters)
@@ -145,10 +143,7 @@ class Axis:
         """Record the drive's own servo state; a servo that goes off ends a run."""
         self.readings.servo_enabled = enabled
         if not enabled and Input.SERVO_ENABLED in self.parameters.inputs:
-            self._rest = None
-            if self.parameters.clear_home_done_on_servo_off:
-                self.homed = False
-            self._fail(Error.ServoOff, 'the drive switched its servo off', Action(None))
+            self._lose_servo('the drive switched its servo off', Action(None))
 
     # ----------------------------------------------------------------------------------- requests
 
@@ -186,9 +181,8 @@ class Axis:
         self.profile.reset(self._start_command())
         self.homed = False
         self.outcome = Outcome(Error.NoError)
-        self._edges.clear()
+        self._edges = EdgeQueue(self.parameters)
         self._settling.restart()
-        self._commands = Track()
         self._moved = False
         readings = self.readings
         readings.begin_run()
@@ -218,9 +212,10 @@ class Axis:
         if self.machine is not None:
             self.machine.resume()
 
-    def stop(self, error: Error, message: str) -> None:
-        """End a run in progress with an error; the axis stops with ``ls_dec``."""
-        self._fail(error, message)
+    def stop(self, error: Error, message: str, action: Action | None = None) -> None:
+        """End a run in progress with an error; the axis stops by an action, else with ls_dec."""
+        if self.machine is not None:
+            self.machine.fail(Failure(error, message), action)
 
     def abort(self, error: Error, message: str) -> None:
         """End the run at once, without a stop: its own code has failed."""
@@ -246,7 +241,8 @@ class Axis:
         The levels of the switches stay, as if just received. The feedback must arrive again, and
         the axis is no longer homed.
         """
-        self._settle_switches(math.inf)
+        for edge in self.readings.settle(math.inf):
+            self._take(edge)
         self.readings.time_jumped_back(now)
         self._edges.clear()
         self._settling.restart()
@@ -256,16 +252,13 @@ class Axis:
         """Set the emergency stop; while it is on, runs end and requests are refused."""
         self.emergency_stop = active
         if active:
-            self._fail(Error.EmergencyStop, 'emergency stop')
+            self.stop(Error.EmergencyStop, 'emergency stop')
 
     def set_servo(self, on: bool) -> None:
         """Set whether this node wants the servo on; off ends a run with no further setpoint."""
         self.servo_on = on
         if not on:
-            self._rest = None
-            if self.parameters.clear_home_done_on_servo_off:
-                self.homed = False
-            self._fail(Error.ServoOff, 'the servo was switched off', Action(None, True))
+            self._lose_servo('the servo was switched off', Action(None, True))
 
     # --------------------------------------------------------------------------------- each cycle
 
@@ -274,7 +267,8 @@ class Axis:
         readings = self.readings
         readings.moving = self.profile.velocity != 0.0
         if readings.unsettled:
-            self._settle_switches(now)
+            for edge in readings.settle(now):
+                self._take(edge)
         machine = self.machine
         if machine is None:
             if self.homed and self.parameters.clear_home_done_on_comm_stop:
@@ -282,13 +276,10 @@ class Axis:
             return None
         p = self.parameters
         if now - readings.arrival > p.feedback_timeout or p.switch_timeout:
-            self._test_inputs(now)
+            self._test_inputs(machine, now)
         track = readings.track
         stopping = machine.ending.stopping
-        if self._homes_on_command:
-            self._edges.update(machine, self._commands, track)
-        else:
-            self._edges.update(machine, track)
+        self._edges.update(machine, track)
         machine.update(now, track.position, track.interval)
         if machine.ending.error in ASTRAY and not stopping:
             self._stop_where_it_is(machine, now)
@@ -333,7 +324,8 @@ class Axis:
         machine = self.machine
         if machine is None:
             return self.history.runs, self.homed, self.servo_on
-        return machine.step, machine.ending.error, machine.paused, machine.touched, self.servo_on
+        touched = machine.movement.end.touched
+        return machine.step, machine.ending.error, machine.paused, touched, self.servo_on
 
     @property
     def hold_position(self) -> float:
@@ -364,11 +356,6 @@ class Axis:
 
     # ------------------------------------------------------------------------------------- inside
 
-    def _settle_switches(self, now: float) -> None:
-        """Take the edges whose debounce is over by now."""
-        for edge in self.readings.settle(now):
-            self._take(edge)
-
     def _take(self, edge: Edge) -> None:
         """Queue an edge for the machine; act on a limit at once."""
         machine = self.machine
@@ -383,23 +370,14 @@ class Axis:
                 machine.limit_falls(edge.input)
         self._edges.add(edge)
 
-    def _test_inputs(self, now: float) -> None:
+    def _test_inputs(self, machine: Machine, now: float) -> None:
         """End the run if an input is too old."""
         stale = self.readings.stale(now)
         if stale is None:
             return
-        if stale.error is Error.FeedbackStale:
-            self.homed = False
-        if stale.error is Error.FeedbackStale and self.lead and self._goes_on:
-            # Where the axis is is not known; the controller has been told how to stop.
-            self._fail(stale.error, stale.seen, Action(None))
-        else:
-            self._fail(stale.error, stale.seen)
-
-    @property
-    def _goes_on(self) -> bool:
-        """Whether a run is on that does not stop yet."""
-        return self.machine is not None and not self.machine.ending.stopping
+        # Where the axis is is not known; the controller has been told how to stop.
+        told = stale.error is Error.FeedbackStale and self.lead and not machine.ending.stopping
+        machine.fail(stale, Action(None) if told else None)
 
     def _stop_where_it_is(self, machine: Machine, now: float) -> None:
         """Plan the stop of an axis that is not where its command is from where it is."""
@@ -413,26 +391,16 @@ class Axis:
 
         Else it is the feedback.
         """
-        rest, feedback = self._rest, self.readings.track.position
-        if rest is not None and rest.holds(self._sign * feedback, self.parameters, self.period):
-            return self._sign * rest.command
-        return feedback
+        rest, raw = self._rest, self.raw_position
+        if rest is not None and rest.holds(raw, self.parameters, self.period):
+            raw = rest.command
+        return self._sign * raw
 
     def _setpoint(self, now: float) -> Setpoint:
         profile, sign = self.profile, self._sign
-        if self._homes_on_command:
-            self._commands.append(now + self.lead + self.period, profile.position)
+        self._edges.command(now + self.lead + self.period, profile.position)
         position = self.readings.wrapped(sign * profile.position)
         return position, sign * profile.velocity, sign * profile.acceleration
-
-    @property
-    def _homes_on_command(self) -> bool:
-        """Whether edges are located on the command: only where an edge is the reference.
-
-        A latched position is a feedback position, and so is the edge that arms it.
-        """
-        p = self.parameters
-        return p.open_loop_homing and not p.procedure.inputs.intersection(LATCHES)
 
     def _finish(self, now: float) -> Setpoint | None:
         """End the run as soon as the feedback has settled after the command."""
@@ -453,14 +421,7 @@ class Axis:
         if on_its_way or (watched and not settled):
             return self._setpoint(now)
         if not (followed or failed):
-            machine.fail(
-                Failure(
-                    Error.FollowingError,
-                    f'command - feedback is {behind:.6g} m at rest, more than '
-                    f'{p.settling_tolerance:.6g} m',
-                    'is the axis jammed, or its drive too weak?',
-                )
-            )
+            machine.fail(jammed(behind, p.settling_tolerance))
         for text in readings.warnings(machine.passes.fine):
             machine.warn(text)
         self._end(outcome_of(machine, self.name, readings.finest))
@@ -472,6 +433,13 @@ class Axis:
         self._rest = None if ending.silent or ending.servo_off else rest
         return self._setpoint(now) if self._moved and not machine.ending.silent else None
 
+    def _lose_servo(self, text: str, action: Action) -> None:
+        """End a run, and forget the home if the parameters say so, because the servo is off."""
+        self._rest = None
+        if self.parameters.clear_home_done_on_servo_off:
+            self.homed = False
+        self.stop(Error.ServoOff, text, action)
+
     def _end(self, outcome: Outcome) -> None:
         self.machine = None
         self.outcome, self.homed = outcome, outcome.success
@@ -479,7 +447,3 @@ class Axis:
 
     def _failed(self, error: Error, text: str) -> Outcome:
         return Outcome(error, f'axis {self.name}: {text}')
-
-    def _fail(self, error: Error, text: str, action: Action | None = None) -> None:
-        if self.machine is not None:
-            self.machine.fail(Failure(error, text), action)

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Edges that wait until the feedback shows where they were and which way the axis traveled."""
 
+from ..parameters.axis import AxisParameters
 from ..procedures.motions import Way
+from ..procedures.states import LATCHES
 from .machine import Machine
 from .signals import Edge
 from .track import Track
@@ -14,11 +16,27 @@ class EdgeQueue:
     edge is not known yet. Such an edge waits here. An edge that happened while the axis plainly
     goes toward does not wait: the machine gets it with an extrapolated position, which is located
     again until the feedback has passed it.
+
+    With ``open_loop_homing`` an edge is located on the commands instead of the feedback. But a
+    latched position is one of the feedback, and so is then the edge that arms it.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, parameters: AxisParameters) -> None:
+        latched = parameters.procedure.inputs.intersection(LATCHES)
+        self._on_command = parameters.open_loop_homing and not latched
+        self._commands = Track()
         self._waiting: list[Edge] = []  # the machine has not got them yet
         self._unresolved: list[Edge] = []  # it has, but the position is still extrapolated
+
+    def command(self, time: float, position: float) -> None:
+        """Record a command, if edges are located on the commands.
+
+        Args:
+            time: when the axis shall be there, s.
+            position: the position, m or rad.
+        """
+        if self._on_command:
+            self._commands.append(time, position)
 
     def clear(self) -> None:
         """Drop all edges."""
@@ -30,21 +48,16 @@ class EdgeQueue:
         self._waiting.append(edge)
         self._waiting.sort(key=lambda waiting: waiting.order)
 
-    def update(self, machine: Machine, track: Track, feedback: Track | None = None) -> None:
-        """Locate the edges in a track, and give the machine those whose way of travel is known.
-
-        Args:
-            machine: the run.
-            track: the record of positions.
-            feedback: the feedback, if the track is the record of the commands.
-        """
+    def update(self, machine: Machine, feedback: Track) -> None:
+        """Locate the edges, and give the machine those whose way of travel is known."""
+        track, beside = (self._commands, feedback) if self._on_command else (feedback, None)
         if self._unresolved:
             for edge in self._unresolved:
-                edge.locate(track, feedback)
+                edge.locate(track, beside)
             self._unresolved = [edge for edge in self._unresolved if not edge.resolved]
         while self._waiting:
             edge = self._waiting[0]
-            located = edge.locate(track, feedback)
+            located = edge.locate(track, beside)
             wanted = machine.row.motion.way
             way = machine.way_at(min(edge.time, track.time), track)
             if way is None:

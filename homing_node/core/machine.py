@@ -48,6 +48,7 @@ class Machine:
         ending: why and how the run ends before it is homed.
         finished: the command is at rest, and nothing more will come.
         paused: the axis waits before a turn (``pause_mode``).
+        movement: the motion of the present row.
         reference: the home position, None until it was found.
         passes: the passes over the reference so far.
         arrows: every arrow taken so far.
@@ -65,13 +66,13 @@ class Machine:
         'finished',
         'paused',
         'ending',
+        'movement',
         'reference',
         'arrows',
         'passes',
         'warnings',
         '_switches',
         '_limits',
-        '_movement',
         '_rules',
         '_cause',
         '_before_edge',
@@ -102,7 +103,7 @@ class Machine:
 
         self._limits = LimitSwitches(parameters, switches, series)
         self._switches = SwitchEvents(parameters, switches, self._limits)
-        self._movement = Movement(parameters, profile, now, feedback, self.warn)
+        self.movement = Movement(parameters, profile, now, feedback, self.warn)
         self._rules = Rules(parameters, now)
         self._cause = Mark(feedback)
         self._before_edge: Snapshot | None = None  # None: no edge took the last arrow
@@ -119,26 +120,16 @@ class Machine:
     @property
     def torque_limit(self) -> float:
         """The torque limit that the mechanical end asks for, %; 0: none."""
-        return self._movement.end.torque_limit(searching=Event.END_DETECTED in self.row.on)
+        return self.movement.end.torque_limit(searching=Event.END_DETECTED in self.row.on)
 
     @property
     def traveled(self) -> tuple[float, float]:
         """Distance from the turning point, and what bounds it, m."""
-        return abs(self.feedback - self._movement.leg.feedback), self._rules.distance
-
-    @property
-    def touched(self) -> float:
-        """Since when the mechanical end has held the axis, s; inf while it does not."""
-        return self._movement.end.touched
-
-    @property
-    def index_margin(self) -> float | None:
-        """Distance from the edge that armed the Z-pulse to the first pulse, in pitches."""
-        return self._movement.index_margin
+        return abs(self.feedback - self.movement.leg.feedback), self._rules.distance
 
     def way_at(self, time: float, track: Track) -> int | None:
         """Return the sign of the travel at a time that the track covers, None if not yet known."""
-        return self._movement.leg.way_at(time, track)
+        return self.movement.leg.way_at(time, track)
 
     # --------------------------------------------------------------------------- what happens
 
@@ -173,7 +164,7 @@ class Machine:
 
     def limit_rises(self, switch: Input) -> None:
         """Respond to a limit's rise at once, before its position is known (limits.py)."""
-        way = self.profile.velocity or self._movement.leg.way
+        way = self.profile.velocity or self.movement.leg.way
         limit = self._limits.rising(switch, way, self.feedback)
         if limit is None:
             return
@@ -204,7 +195,7 @@ class Machine:
 
     def latch(self, source: Input, position: float) -> None:
         """Record a latched position of the Z-pulse or the touch probe."""
-        self._movement.latches.add(source, position)
+        self.movement.latches.add(source, position)
 
     def fail(self, failure: Failure, action: Action | None = None) -> None:
         """End the run with an error; the axis stops by an action, by default with ``ls_dec``.
@@ -252,7 +243,7 @@ class Machine:
         if self.ending.stopping:
             self.finished = self.profile.done
             return
-        movement = self._movement
+        movement = self.movement
         movement.follow(feedback)
         failure = self._rules.broken(movement.leg, self.profile.present, feedback, now, interval)
         if failure is not None:
@@ -344,7 +335,7 @@ class Machine:
         """Command the present row's motion, or pause before it if it turns the axis."""
         if self.paused:
             return
-        movement = self._movement
+        movement = self.movement
         way, target = movement.heading(self.row.motion, self.reference)
         if movement.turns(way):
             if movement.leg.way and self.parameters.pause_mode and not resumed:
@@ -364,7 +355,7 @@ class Machine:
         rests = self.paused or motion.kind is Kind.REST
         return Rise(
             velocity=self.profile.velocity,
-            heading=Way.NONE if rests else self._movement.leg.way,
+            heading=Way.NONE if rests else self.movement.leg.way,
             stopping=self.ending.stopping,
             braking=rests or motion.way is Way.AWAY,
             to_home=motion.kind is Kind.HOME,

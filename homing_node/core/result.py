@@ -32,6 +32,6 @@ def outcome_of(machine: Machine, axis: str, finest: float) -> Outcome:
         passes=len(passes.fine),
         passes_range=passes.range,
         passes_deviation=passes.deviation,
-        index_margin=machine.index_margin,
+        index_margin=machine.movement.index_margin,
         warnings=warnings,
     )

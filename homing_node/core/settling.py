@@ -4,7 +4,8 @@
 from typing import NamedTuple
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import HomeType
+from ..procedures.states import Error, HomeType
+from .outcome import Failure
 from .track import Track
 
 #: Longest wait for the feedback to settle, s.
@@ -39,6 +40,15 @@ class Rest(NamedTuple):
             moved <= parameters.homing_velocity_slow * period
             and behind <= parameters.settling_tolerance
         )
+
+
+def jammed(behind: float, tolerance: float) -> Failure:
+    """Return the failure of an axis that rests away from its command, m or rad."""
+    return Failure(
+        Error.FollowingError,
+        f'command - feedback is {behind:.6g} m at rest, more than {tolerance:.6g} m',
+        'is the axis jammed, or its drive too weak?',
+    )
 
 
 class Settling:
