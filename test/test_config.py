@@ -15,7 +15,7 @@ from homing_node.parameters.yaml_file import load, read
 from homing_node.plant.layout import AxisLayout, SwitchLayout
 from homing_node.procedures.states import Error
 from homing_node.rehearsal.run import rehearse
-from homing_node.ros.simulated_axes import settings_from
+from homing_node.ros.simulated_settings import settings_from
 
 CONFIG = Path(__file__).resolve().parent.parent / 'config'
 HYSTERESIS = 0.00005
@@ -343,6 +343,33 @@ def test_the_simulated_axes_say_every_fault():
         'joint: two axes have the same joint: j, j',
         'y.hard_stops: required, but not set (the lower and the upper end, m or rad)',
     )
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'said'),
+    [
+        ('switch_rate', -1.0, '-1.0 Hz must be 0 or >= 0.1 and <= 5000 Hz'),
+        ('switch_jitter', 1.0, '1.0 must be >= 0 and <= 0.9'),
+        ('switch_heartbeat', 4000.0, '4000.0 s must be 0 or >= 0.001 and <= 3600 s'),
+        ('feedback_read_rate', 0.01, '0.01 Hz must be 0 or >= 0.1 and <= 5000 Hz'),
+        ('header_clock_offset', 1e7, '10000000.0 s must be >= -1e+06 and <= 1e+06 s'),
+        ('second_source', True, 'True is not a number (Hz)'),
+        ('second_source_position', 'a', "'a' is not a number (m or rad)"),
+        ('x.switch_rate', 9999.0, '9999.0 Hz must be 0 or >= 0.1 and <= 5000 Hz'),
+    ],
+)
+def test_bad_values_of_the_simulated_drivers(name, value, said):
+    with pytest.raises(InvalidParameters) as caught:
+        settings_from({'axes': ['x'], 'x.hard_stops': [0.0, 0.2], name: value})
+    assert caught.value.faults == (f'{name}: {said}',)
+
+
+def test_the_switches_of_simulated_axes_are_read_at_the_rate_of_their_axis():
+    axes = {'axes': ['x', 'y'], 'x.hard_stops': [0.0, 0.2], 'y.hard_stops': [0.0, 0.2]}
+    found = settings_from({**axes, 'switch_rate': 50, 'y.switch_rate': 0.0}).layouts
+    assert (found['x'].switch_rate, found['y'].switch_rate) == (50.0, 0.0)
+    with pytest.raises(InvalidParameters, match='a polled switch has no heartbeat'):
+        settings_from({**axes, 'switch_rate': 50, 'switch_heartbeat': 1.0})
 
 
 @pytest.mark.parametrize('axes', [None, [], ['x', 'x'], [1], ['2x'], 'x'])

@@ -33,7 +33,7 @@ from homing_node.plant import layout_file
 from homing_node.plant.layout import SWITCHES, AxisLayout
 from homing_node.procedures.cia402 import METHODS
 from homing_node.procedures.states import LIMIT_SWITCHES, Error, HomeType, Input, LSType, State
-from homing_node.ros.simulated_axes import Settings
+from homing_node.ros.simulated_settings import Settings
 
 ROOT = Path(__file__).resolve().parent.parent
 DOC = ROOT / 'doc'

@@ -18,9 +18,9 @@ import sys
 import time
 from array import array
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import inf
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -36,19 +36,15 @@ from std_msgs.msg import Bool, Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from ..course import Happening
-from ..parameters.configuration import (
-    COMMON_DEFINITIONS,
-    NODE_DEFINITIONS,
-    SetpointInterface,
-    bad_names,
-    unknown_axis,
-)
-from ..parameters.definition import Definition, InvalidParameters, read, table
-from ..plant.layout import DEAD_TIME, FEEDBACK_RATE, AxisLayout, layouts_from
+from ..parameters.configuration import SetpointInterface
+from ..plant.drivers import SwitchDriver
+from ..plant.layout import AxisLayout
 from ..plant.simulated_axis import SimulatedAxis
 from ..procedures.states import Input
+from . import simulated_drivers
 from .polling import Take, never_called, taker, waiting
 from .simulated_controller import ForwardedPositions, PlayedTrajectories
+from .simulated_settings import Settings, settings_from
 
 #: How long before something is due the thread wakes up and waits for the exact time, s.
 LEAD = 0.0001
@@ -66,124 +62,6 @@ RELIABLE = QoSProfile(depth=100)
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The parameters of the node; rates in Hz, times in s.
-
-    Position commands do not say how long they take: ``setpoint_period``. The controller that
-    plays the setpoints updates at ``controller_rate``; ``interpolate``: it joins their points.
-    """
-
-    layouts: Mapping[str, AxisLayout]
-    joints: Sequence[str]
-    feedback_rate: float
-    step_rate: float
-    dead_time: float
-    target_node: str
-    setpoint_interface: SetpointInterface
-    setpoint_period: float
-    controller_rate: float
-    interpolate: bool
-
-
-#: The node's own parameters; those of an axis are the keys of its layout, and ``joint``.
-DEFINITIONS = table(
-    NODE_DEFINITIONS['axes'],
-    FEEDBACK_RATE,
-    Definition(
-        'rate of the steps of the simulation',
-        float,
-        'Hz',
-        100.0,
-        10000.0,
-        name='step_rate',
-        default=1000.0,
-    ),
-    DEAD_TIME,
-    Definition(
-        'how long a position command takes',
-        float,
-        's',
-        0.0,
-        1.0,
-        name='setpoint_period',
-        default=0.004,
-    ),
-    Definition(
-        'the node whose topics the axes are wired to',
-        str,
-        name='target_node',
-        default='homing_node',
-    ),
-    NODE_DEFINITIONS['setpoint_interface'],
-    Definition(
-        'rate of the updates of the controller that plays the setpoints',
-        float,
-        'Hz',
-        10.0,
-        10000.0,
-        name='controller_rate',
-        default=500.0,
-    ),
-    Definition(
-        'join the points of a trajectory as joint_trajectory_controller does (false: forward the '
-        'next one)',
-        bool,
-        name='interpolate',
-        default=True,
-    ),
-    *COMMON_DEFINITIONS.values(),
-)
-
-
-def settings_from(parameters: Mapping[str, Any]) -> Settings:
-    """Read the node's parameters.
-
-    Raises:
-        InvalidParameters: Every fault, a line each.
-    """
-    values = {
-        name: list(value) if isinstance(value, array) else value
-        for name, value in parameters.items()
-        if value is not None
-    }
-    axes = values.get('axes')
-    axes = axes if isinstance(axes, list) else []
-    entries: dict[str, dict[str, Any]] = {axis: {} for axis in axes}
-    own: dict[str, Any] = {}
-    strays: dict[str, None] = {}
-    for name, value in values.items():
-        axis, dot, key = name.partition('.')
-        if axis in entries and dot:
-            entries[axis][key] = value
-        elif dot:
-            strays[unknown_axis(axis, map(str, axes))] = None
-        else:
-            own[name] = value
-    good, found = read(own, DEFINITIONS)
-    faults = [*found, *strays, *bad_names(good.get('axes'))]
-    if good.get('use_sim_time'):
-        faults.append('use_sim_time: must be false, the simulated axes run in real time')
-    dead_time, step_rate = good.get('dead_time'), good.get('step_rate')
-    if dead_time is not None and step_rate is not None and dead_time < 2.0 / step_rate:
-        faults.append(
-            f'dead_time: {dead_time:g} s must be >= 2 steps, {2.0 / step_rate:g} s (step_rate)'
-        )
-    joints = [str(entries[axis].pop('joint', axis)) for axis in dict.fromkeys(axes)]
-    if len(set(joints)) < len(joints):
-        faults.append(f'joint: two axes have the same joint: {", ".join(joints)}')
-    layouts: Mapping[str, AxisLayout] = {}
-    try:
-        layouts = layouts_from(entries)
-    except InvalidParameters as error:
-        faults += error.faults
-    if faults:
-        raise InvalidParameters(faults)
-    good['target_node'] = good['target_node'].rstrip('/')
-    names = [one.name for one in fields(Settings) if one.name in good]
-    return Settings(layouts, joints, **{name: good[name] for name in names})
-
-
 class Sample(NamedTuple):
     """A feedback sample of all axes; positions in m or rad, velocities per s."""
 
@@ -198,7 +76,7 @@ class Change(NamedTuple):
     time: float
     output: 'Output'
     message: Bool | Float64
-    happening: Happening
+    happening: Happening | None  # None: the driver of a switch publishes it by itself
 
 
 @dataclass
@@ -209,6 +87,7 @@ class Output:
     publisher: Any
     level: Bool | None = None  # the last published one; a latch has none
     readers: int = 0
+    driver: SwitchDriver | None = None  # of a switch whose level is repeated
 
     def publish(self, level: bool) -> bool:
         """Publish a level if it has changed; return whether it has."""
@@ -219,7 +98,12 @@ class Output:
         return changed
 
     def greet(self) -> None:
-        """Publish the level for readers that came since the last call and ask for no history."""
+        """Publish the level for readers that came since the last call and ask for no history.
+
+        A switch that is polled is published soon anyway.
+        """
+        if self.driver is not None and self.driver.polled:
+            return
         readers = self.publisher.get_subscription_count()
         if readers > self.readers:
             self.publisher.publish(self.level)
@@ -260,10 +144,21 @@ class SimulatedAxes:
 
         self._joint_states = node.create_publisher(JointState, 'joint_states', RELIABLE)
         self._feedback = JointState(name=list(settings.joints))
+        self._driver = simulated_drivers.FeedbackDriver(
+            settings.feedback_read_rate, settings.header_clock_offset
+        )
+        self._second = (
+            simulated_drivers.SecondSource(
+                node, settings.joints, settings.second_source, settings.second_source_position
+            )
+            if settings.second_source
+            else None
+        )
         self._outputs: dict[tuple[str, str], Output] = {}
         self._inputs: list[tuple[Take, Callable[[Any], None]]] = []
         for name, layout in settings.layouts.items():
-            self._connect(node, f'{settings.target_node}/{name}', name, layout)
+            self._connect(node, settings, name, layout)
+        self._drivers = [o for o in self._outputs.values() if o.driver is not None]
         self._switches = deque(o for o in self._outputs.values() if o.level is not None)
         joints, rate = settings.joints, settings.controller_rate
         if settings.setpoint_interface is SetpointInterface.trajectory:
@@ -276,14 +171,30 @@ class SimulatedAxes:
         topic = f'{settings.target_node}/{topic}'
         self._subscribe(node, kind, topic, QoSProfile(depth=10), self._take)
 
-    def _connect(self, node: Node, prefix: str, name: str, layout: AxisLayout) -> None:
+    def close(self) -> None:
+        """Destroy the second source of the feedback, if there is one."""
+        if self._second is not None:
+            self._second.close()
+
+    def _connect(self, node: Node, settings: Settings, name: str, layout: AxisLayout) -> None:
         """Create an axis's publishers and subscription, and publish the first levels."""
-        axis = self._axes[name]
+        axis, prefix = self._axes[name], f'{settings.target_node}/{name}'
         for key, level in {**axis.levels(), SERVO: axis.enabled}.items():
-            publisher = node.create_publisher(Bool, f'{prefix}/{key}', LATCHED)
+            polled = bool(layout.switch_rate) and key != SERVO
+            publisher = node.create_publisher(
+                Bool, f'{prefix}/{key}', RELIABLE if polled else LATCHED
+            )
             output = Output(name, publisher, Bool(data=level))
             publisher.publish(output.level)
             self._outputs[name, key] = output
+            if key != SERVO and (layout.switch_rate or settings.switch_heartbeat):
+                output.driver = simulated_drivers.switch_driver(
+                    f'{name}/{key}',
+                    level,
+                    layout.switch_rate or 0.0,
+                    settings.switch_heartbeat,
+                    settings.switch_jitter,
+                )
         latches = {
             Input.Z_PULSE.value: layout.index_pitch > 0.0,
             Input.TOUCH_PROBE.value: layout.touch_probe is not None,
@@ -345,7 +256,9 @@ class SimulatedAxes:
 
     def _publish_sample(self, sample: Sample, due: float) -> None:
         stamp = self._feedback.header.stamp
-        stamp.sec, stamp.nanosec = divmod(int(due * 1e9) + self._to_system, 1_000_000_000)
+        stamp.sec, stamp.nanosec = divmod(
+            int(due * 1e9) + self._to_system + self._driver.offset, 1_000_000_000
+        )
         self._feedback.position = sample.position
         self._feedback.velocity = sample.velocity
         self._joint_states.publish(self._feedback)
@@ -358,7 +271,7 @@ class SimulatedAxes:
         self.lateness.worst = max(self.lateness.worst, late)
         if isinstance(change.message, Bool):
             output.level = change.message
-        if self._debug:
+        if self._debug and happening is not None:
             self._logger.debug(
                 f'{output.axis}: {happening.input} {happening.value} '
                 f'at {happening.position:.9f}, published {late * 1e6:.0f} µs late'
@@ -373,29 +286,43 @@ class SimulatedAxes:
         start, dt = self._front, self._dt
         before = [axis.position for axis in self._axes.values()]
         changes = []
+        levels: dict[int, list[tuple[float, bool]]] = {}  # of switches whose driver repeats them
         for name, axis in self._axes.items():
             for happening in axis.step(dt):
                 value = happening.value
                 message = Bool(data=value) if isinstance(value, bool) else Float64(data=value)
                 output = self._outputs[name, happening.input]
-                changes.append(Change(happening.time, output, message, happening))
+                if output.driver is None:
+                    changes.append(Change(happening.time, output, message, happening))
+                else:
+                    levels.setdefault(id(output), []).append((happening.time, bool(value)))
             self._front = axis.time
             if self._outputs[name, SERVO].publish(axis.enabled) and axis.timed_out:
                 self._logger.warning(
                     f'{name}: no setpoint came after that of {axis.told:.6f}: '
                     'the drive stops by itself, until its servo is switched off and on'
                 )
+        for output in self._drivers:
+            told = levels.get(id(output), ())
+            if output.driver is not None and (told or output.driver.due <= self._front):
+                for moment, level in output.driver.step(self._front, told):
+                    changes.append(Change(moment, output, Bool(data=level), None))
         if changes:
             self._changes.extend(sorted(changes, key=attrgetter('time')))
         while (sampled := self._count / self._feedback_rate) <= self._front:
             part = (sampled - start) / dt
             moved = [a.position - b for a, b in zip(self._axes.values(), before, strict=True)]
             position = array('d', [b + m * part for b, m in zip(before, moved, strict=True)])
-            self._samples.append(Sample(sampled, position, array('d', [m / dt for m in moved])))
+            velocity = array('d', [m / dt for m in moved])
+            self._samples.append(
+                Sample(sampled, *self._driver.reading(sampled, position, velocity))
+            )
             self._count += 1
         if self._switches:  # one at a time, so that no step takes long
             self._switches.rotate(1)
             self._switches[0].greet()
+        if self._second is not None:
+            self._second.step(self._front, self._sent_at(self._front))
         if self._count % 500 == 0:
             self._compare_clocks()
 
@@ -450,6 +377,7 @@ def main(args: list[str] | None = None) -> int:
         with suppress(OSError):  # for those who may; others are held up now and then
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
         plant.run(lambda: bool(signals))
+        plant.close()
         lateness = plant.lateness
         node.get_logger().info(
             f'{lateness.happenings} happenings, the worst published {lateness.worst * 1e6:.0f} µs '
