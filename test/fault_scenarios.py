@@ -950,6 +950,48 @@ BETWEEN = (
         'refused, with the reason',
         'test_node_services.py::test_busy_and_meanwhile_everything_else_answers',
     ),
+    Between(
+        '-',
+        'a switch that is polled',
+        'homed; 50 Hz, two passes: known to half of the time between two messages',
+        'test_node_drivers.py::test_a_switch_that_is_polled_and_passed_twice',
+    ),
+    Between(
+        '-',
+        'a switch that is polled seldom',
+        'homed, with a warning; 5 Hz at 50 mm/s: known to about 5 mm',
+        'test_node_drivers.py::test_a_switch_that_is_polled_seldom',
+    ),
+    Between(
+        '-',
+        'a switch that repeats its level',
+        'homed, as exactly as without',
+        'test_node_drivers.py::test_a_heartbeat_is_no_polling',
+    ),
+    Between(
+        '-',
+        'positions are read less often than published',
+        'homed; the uncertainty covers it',
+        'test_node_drivers.py::test_a_driver_that_reads_seldom',
+    ),
+    Between(
+        '-',
+        'the header stamps have a clock of their own',
+        'homed, with a warning; the uncertainty covers both readings',
+        'test_node_drivers.py::test_a_header_clock_of_its_own',
+    ),
+    Between(
+        '-',
+        'two sources of one joint',
+        '`PublisherConflict`, naming the joint, both positions and both nodes',
+        'test_node_drivers.py::test_two_sources_of_one_joint',
+    ),
+    Between(
+        '-',
+        'a velocity for which the travel is too short is set',
+        'refused when it is set',
+        'test_node_services.py::test_a_value_that_the_check_calls_an_error_is_refused_when_it_is_set',
+    ),
 )
 
 #: Why a scenario cannot occur here.
