@@ -11,9 +11,10 @@ Users of apt's Jazzy have rclpy 7.1.9 or newer; PyPI has 7.1.6. The rules differ
 - `Executor._tasks` does not exist. There are `_pending_tasks` and `_ready_tasks`.
 
 Import this module before the node: it changes the process that imports it, and `main` runs the
-node there.
+node there. At its end the process prints how often a coroutine yielded None.
 """
 
+import atexit
 import inspect
 
 from rclpy.executors import Executor
@@ -22,6 +23,9 @@ from rclpy.task import Future, Task
 from homing_node.ros.main import main
 
 __all__ = ['main']
+
+#: The task of each time that a coroutine yielded None.
+yielded_none = []
 
 _call_function = Task.__call__
 _init = Executor.__init__
@@ -71,6 +75,7 @@ def _suspend(task, yielded):
             raise RuntimeError('a task can only await futures of its own executor')
         yielded.add_done_callback(lambda _: task())
     elif yielded is None:
+        yielded_none.append(task)
         executor._call_task_in_next_spin(task)
     else:
         raise TypeError(f'a coroutine must yield a Future or None, not {type(yielded)}')
@@ -138,3 +143,4 @@ Executor.create_task = _create_task
 Executor._call_task_in_next_spin = _call_task_in_next_spin
 Task.__call__ = _call
 Future.__await__ = _await
+atexit.register(lambda: print(f'coroutines yielded None {len(yielded_none)} times', flush=True))
