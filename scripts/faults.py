@@ -63,7 +63,8 @@ LIMITS = """
 DRIVE = """
 ## What the drive must do
 
-The node sends setpoints. When it dies, or the network is cut, a controller that plays trajectories stops the
+The node sends setpoints. When it dies, or the network is cut, a controller that plays \
+trajectories stops the
 axis by itself; with `setpoint_interface: position` only the drive can:
 
 - **A command timeout.** No setpoint for 50 to 100 ms while moving: the drive stops with a
