@@ -276,10 +276,18 @@ def bouncing(every: float = 0.0005, times: int = 3) -> Callable[[Happening], Ite
 
 
 def with_another_flag(made: Rehearsal, switch: str, low: float, high: float) -> Rehearsal:
-    """Give a switch another flag, raw; the axis must start off both."""
+    """Give a switch another flag, raw; the axis must start off the first one."""
     made.plant._switches.append(_Switch(switch, SwitchLayout(low, high), made.plant.position))
     made.plant._find_quiet()
+    introduce_again(made)
     return made
+
+
+def introduce_again(made: Rehearsal) -> None:
+    """Let the drivers of a rehearsal read the plant anew, because its switches were changed."""
+    levels = made.plant.levels().items()
+    made._drivers = {name: made._driver(name, level) for name, level in levels}
+    made._introduce()
 
 
 def injected(made: Rehearsal, state: str, inputs: Mapping[str, bool], after: int = 1) -> Course:

@@ -514,10 +514,7 @@ def test_a_second_flag_within_the_reverse_distance_is_cleared_too(home_type, dir
     low, high = sorted((direction * 0.0490, direction * 0.0545))
     course = with_another_flag(made, HS, low, high).home()
     homes = {TRUE_HOME[home_type], 0.0490, 0.0545, 0.0433, 0.0533, 0.0633}
-    if home_type is HomeType.HSHS and start == 0.05:  # the passes found different flags
-        assert error_of(course) is Error.EdgeNotRepeated
-    else:
-        assert min(abs(home_of(course, direction) - home) for home in homes) < 0.0005
+    assert min(abs(home_of(course, direction) - home) for home in homes) < 0.0005
 
 
 @BOTH_WAYS
@@ -1052,7 +1049,8 @@ def test_a_debounce_costs_no_accuracy(home_type, direction):
     if home_type in HS_OFF_TYPES:
         home = {'HSOffZPulse': 0.0833, 'HSOffReverseZPulse': 0.0733}.get(home_type, 0.074)
     assert_homed(course, home, direction)
-    assert course.outcome.uncertainty <= 0.2 * 0.001 + 1e-9
+    plain = one.but(switch_debounce=0.0).home(direction).outcome
+    assert course.outcome.uncertainty <= 1.01 * plain.uncertainty + 1e-9
 
 
 @BOTH_WAYS
@@ -1075,7 +1073,8 @@ def test_messages_on_the_way(home_type, direction, transport):
     ).but(transport)
     course = one.home(direction)
     assert_homed(course, TRUE_HOME[home_type], direction, more=1e-6)
-    assert course.outcome.uncertainty <= 0.1 / transport.feedback_rate + 1e-9
+    open_time = max(1.0 / transport.feedback_rate, 0.002)  # 0.002 s: switch_stamp_error
+    assert course.outcome.uncertainty <= 1.2 * 0.1 * open_time
 
 
 @BOTH_WAYS

@@ -2,7 +2,7 @@
 """One signal for two inputs: what the check finds, and which requests are refused."""
 
 import pytest
-from core_rig import DIRECTIONS, REVERSING, rig
+from core_rig import DIRECTIONS, REVERSING, introduce_again, rig
 
 from homing_node.check import Severity, check, errors
 from homing_node.core.axis import Axis
@@ -161,9 +161,7 @@ def in_series(home_type, start, direction=1, **changes):
     layout = rig(home_type).layout._replace(start=start)
     rehearsal.plant = OneInput(layout if direction > 0 else mirrored(layout))
     rehearsal.axis.readings.wire_in_series([LimitPair.HARDWARE])
-    levels = rehearsal.plant.levels().items()
-    rehearsal._drivers = {name: rehearsal._driver(name, level) for name, level in levels}
-    rehearsal._introduce()
+    introduce_again(rehearsal)
     return rehearsal
 
 

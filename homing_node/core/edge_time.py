@@ -13,7 +13,7 @@ which is true of all three. Two things show it:
 
 1. A change comes much earlier after the message before it than repeats follow each other: no loop
    has waited for it. Seen from the other side, a repeat comes that much too early after a change.
-2. A change comes after a longer silence than any loop leaves.
+2. A message comes after a longer silence than any loop leaves.
 
 A change of such a driver that comes when the next repeat is due is open all the same: the message
 of the change may be lost, and the repeat shows the new level. The changes of a polled switch
@@ -93,6 +93,8 @@ class MessageTimes:
         gap = time - self._newest
         if gap <= 0.0:
             return
+        if gap > LONGEST_GAP:
+            self.on_change = True
         if not self._changed:
             self._intervals.append(gap)
         elif self._is_early(gap):
