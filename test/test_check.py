@@ -1234,7 +1234,7 @@ def test_a_configuration_brings_its_update_rate():
     found = check(configuration(values), {'x': LAYOUT._replace(hard_stops=(0.0, 0.19))})
     assert {'cycle-timeout', 'hard-stop'} <= {one.check for one in found}
     assert '112 ms' not in next(one.text for one in found if one.check == 'hard-stop')
-    assert '110 ms' in next(one.text for one in found if one.check == 'hard-stop')
+    assert '118 ms' in next(one.text for one in found if one.check == 'hard-stop')
 
 
 def test_an_axis_that_the_layout_does_not_have():

@@ -54,7 +54,7 @@ def check(
     timing = timing or Timing()
     findings: list[Finding] = []
     if isinstance(axes, Configuration):
-        timing = timing._replace(update_rate=axes.update_rate)
+        timing = timing._replace(update_rate=axes.update_rate, lead=axes.lead)
         findings += [*_check_node(axes), *_unread_topics(axes), *SharedInputs(axes).check()]
         axes = axes.axes
     for axis, parameters in axes.items():
