@@ -48,15 +48,18 @@ class Found(NamedTuple):
     uncertainty: float
 
 
+def counted(position: float, resolution: float) -> float:
+    """Return a position as an encoder with a resolution, m, shows it; 0: exactly."""
+    return (floor(position / resolution) + 0.5) * resolution if resolution else position
+
+
 class Counting(Rehearsal):
     """A rehearsal whose feedback comes from an encoder with a resolution, m."""
 
     resolution = 0.0
 
     def _send_feedback(self, time: float, position: float) -> None:
-        if self.resolution:
-            position = (floor(position / self.resolution) + 0.5) * self.resolution
-        super()._send_feedback(time, position)
+        super()._send_feedback(time, counted(position, self.resolution))
 
 
 def home(
@@ -75,7 +78,7 @@ def home(
         (0.0, 0.4),
         {'home_switch': SwitchLayout(edge, edge + FLAG)},
         lag=lag,
-        start=edge - (run_up or enough),
+        start=counted(edge - (run_up or enough), resolution),
     )
     accelerations = {
         f'{pace}_{kind}': 5.0
@@ -191,7 +194,7 @@ def _of_uncertainty(found: Sequence[Found]) -> Iterator[Figure]:
     yield Figure(f'{len(found)} random runs: error', 'µm', [one.error for one in found])
     yield Figure('reported uncertainty', 'µm', [one.uncertainty for one in found])
     yield Figure(
-        'errors that the uncertainty covers', '%', [covered], (), '≥ 99 %', covered >= 99.0
+        'errors that the uncertainty covers', '%', [covered], (), '≥ 99.9 %', covered >= 99.9
     )
     ratios = [one.uncertainty / max(one.error, NOTHING) for one in found]
     middle = median(ratios)

@@ -138,8 +138,13 @@ class Track:
 
     @property
     def interval(self) -> float:
-        """The time between two readings, s; 0 while there are none."""
-        return self.late_readings or self.period
+        """The time between two readings, s; 0 while there are none.
+
+        Before the first motion shows it, it is at least the age of the newest reading.
+        """
+        if self._holds or not self.samples:
+            return self.late_readings or self.period
+        return max(self.period, self.time - self.samples[-1][0])
 
     @property
     def count(self) -> float:
