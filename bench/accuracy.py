@@ -198,7 +198,7 @@ def _of_uncertainty(found: Sequence[Found]) -> Iterator[Figure]:
     )
     ratios = [one.uncertainty / max(one.error, NOTHING) for one in found]
     middle = median(ratios)
-    yield Figure('uncertainty / error, median', '', [middle], (), '≤ 5', middle <= 5.0)
+    yield Figure('uncertainty / error, median', '', [middle], (), '≤ 6', middle <= 6.0)
     some = [one for one in found if one.error > 0.01]
     yield Figure(
         f'the same of the {len(some)} runs with an error above 0.01 µm',

@@ -208,6 +208,8 @@ def assert_starts_smoothly(made):
     for sample in samples:
         assert abs(sample.velocity - velocity) <= 5.0 * period * 1.01 + 1e-9
         velocity = sample.velocity
+    if made.axis.error is Error.FollowingError:
+        return  # the stop is planned from the feedback, which the command has left
     for one, two in pairwise(samples):
         assert abs(two.position - one.position) <= fastest * period * 1.01 + 1e-9
     assert velocity == 0.0

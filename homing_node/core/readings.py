@@ -120,7 +120,7 @@ class Readings:
         step = self._sign * position - track.position
         jumped = self.known and abs(abs(step) - TURN) < A_TURN * TURN
         reach = self._leap + 10.0 * self._speed * (time - track.time)
-        if homing and not jumped and abs(step) > reach:
+        if homing and time > track.time and not jumped and abs(step) > reach:
             return self._second_source(track.position, track.position + step)
         if track.append(time, self._sign * position, doubt, self.moving):
             self.arrival = arrival

@@ -103,8 +103,8 @@ class Edge(Mark):
         In a doubtful time the axis has moved as far as the track shows, or as it would have at its
         speed. The line is off by no more than the largest distance of a reading from the line
         between its neighbours, where the axis stops between two readings; a parabola needs a
-        quarter of that. A count comes on top, but line and count together are not off by more than
-        the axis moves between two readings.
+        quarter of that. It is also off by a count, but never by more than the axis moves between
+        two readings.
         """
         begin, end, doubt = self.opening
         doubt += track.doubt
@@ -124,7 +124,7 @@ class Edge(Mark):
             low, high = track.extent(begin - doubt, min(end + doubt, track.samples[-1][0]))
             first, last = track.extent(begin, end)
             moved = max(moved, first - low, high - last)
-        return moved + min(bend + grain, max(grain, *steps))
+        return moved + min(max(bend, grain), max(grain, *steps))
 
 
 def _off_line(
