@@ -370,6 +370,7 @@ def _(d):
     'messages come, the position stays',
     Error.FollowingError,
     says='following_error',
+    stop=0.021,  # back to where the feedback says that the axis is: following_error is 20 mm here
 )
 def _(d):
     return homed(HSHS, d, f.frozen(past(0.045 * d, d)))
@@ -393,6 +394,7 @@ def _(d):
     'the axis goes half of the way',
     Error.FollowingError,
     says='following_error',
+    stop=0.01,
 )
 def _(d):
     return homed(HSHS, d, f.scaled(f.SETPOINT, 0.5))

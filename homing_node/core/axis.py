@@ -23,9 +23,7 @@ from .result import outcome_of
 from .settling import Rest, Settling, jammed
 from .signals import Edge
 
-#: The ends of a run whose cause is that the axis is not where its command is.
-ASTRAY = frozenset({Error.FollowingError, Error.WrongDirection})
-#: The velocity of an axis that is astray is the mean over this time, s.
+#: The velocity of an axis that does not follow is the mean over this time, s.
 VELOCITY_SPAN = 0.01
 
 #: The command of a cycle, raw: position, velocity and acceleration in m, m/s, m/s^2 (or rad ...).
@@ -281,7 +279,7 @@ class Axis:
         stopping = machine.ending.stopping
         self._edges.update(machine, track)
         machine.update(now, track.position, track.interval)
-        if machine.ending.error in ASTRAY and not stopping:
+        if machine.ending.error is Error.FollowingError and not stopping:
             self._stop_where_it_is(machine, now)
         if machine.finished:
             return self._finish(now)
