@@ -276,10 +276,12 @@ def bouncing(every: float = 0.0005, times: int = 3) -> Callable[[Happening], Ite
 
 
 def with_another_flag(made: Rehearsal, switch: str, low: float, high: float) -> Rehearsal:
-    """Give a switch another flag, raw; the axis must start off the first one."""
-    made.plant._switches.append(_Switch(switch, SwitchLayout(low, high), made.plant.position))
+    """Give a switch another flag, raw; the axis starts on one of both at most."""
+    another = _Switch(switch, SwitchLayout(low, high), made.plant.position)
+    made.plant._switches.append(another)
     made.plant._find_quiet()
-    introduce_again(made)
+    if another.on:
+        introduce_again(made)
     return made
 
 
