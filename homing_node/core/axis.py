@@ -10,15 +10,14 @@ homing direction is applied here. SI units; times are in s of one monotonic cloc
 import math
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import LIMIT_SWITCHES, Error, Input, State
+from ..procedures.states import LIMIT_SWITCHES, Error, Input
 from .announcement import Course
+from .axis_status import AxisStatus
 from .edge_queue import EdgeQueue
-from .history import History
 from .limits import Action
 from .machine import Machine
 from .outcome import Failure, Outcome
 from .profile import Profile
-from .readings import Readings
 from .result import outcome_of
 from .settling import Rest, Settling, jammed
 from .signals import Edge
@@ -30,20 +29,13 @@ VELOCITY_SPAN = 0.01
 Setpoint = tuple[float, float, float]
 
 
-class Axis:
+class Axis(AxisStatus):
     """One axis that can be homed.
 
     Attributes:
-        name: its name.
         period: the time between two updates, s.
-        parameters: its parameters; :meth:`configure` changes them.
-        readings: what it has received.
-        machine: the run in progress, None between runs.
-        outcome: how the last run ended.
-        history: the runs so far.
-        homed: whether the axis knows its home.
-        servo_on: whether this node wants the servo on.
-        emergency_stop: whether the emergency stop is on.
+        lead: how long before its time a setpoint is told, s.
+        profile: the command.
     """
 
     def __init__(
@@ -57,18 +49,9 @@ class Axis:
             period: the period of the cycle, s.
             lead: how long before its time a setpoint is told, s (0: as the next one, alone).
         """
-        self.name = name
+        super().__init__(name, parameters)
         self.period = period
         self.lead = lead
-        self.machine: Machine | None = None
-        self.outcome = Outcome(Error.NoError)
-        self.history = History()
-        self.homed = False
-        self.servo_on = True
-        self.emergency_stop = False
-        self.parameters = parameters
-        self._sign = parameters.home_direction.sign
-        self.readings = Readings(parameters)
         self._edges = EdgeQueue(parameters)
         self._settling = Settling(lead)
         self._rest: Rest | None = None
@@ -144,15 +127,6 @@ class Axis:
             self._lose_servo('the drive switched its servo off', Action(None))
 
     # ----------------------------------------------------------------------------------- requests
-
-    @property
-    def running(self) -> bool:
-        return self.machine is not None
-
-    @property
-    def powered(self) -> bool:
-        """Whether the drive holds the axis, as far as it is known."""
-        return self.servo_on and not self.readings.servo_is_off
 
     def refusal(self, now: float) -> Outcome | None:
         """Return why a run cannot start now, None if it can."""
@@ -298,59 +272,9 @@ class Axis:
         return Course(present, pieces, self._sign, self.readings.wrapped(raw) - raw)
 
     @property
-    def state(self) -> State:
-        return State.Idle if self.machine is None else self.machine.state
-
-    @property
-    def error(self) -> Error:
-        """Why the axis is stopping, or how its last run ended."""
-        return self.outcome.error if self.machine is None else self.machine.ending.error
-
-    @property
-    def message(self) -> str:
-        """The error in words."""
-        return self.outcome.message if self.machine is None else self.machine.ending.message
-
-    @property
-    def torque_limit(self) -> float:
-        """The torque limit for the drive, %; 0 for none."""
-        return 0.0 if self.machine is None else self.machine.torque_limit
-
-    @property
-    def fingerprint(self) -> tuple[object, ...]:
-        """A value that changes when the published state changes, and at the end of each run."""
-        machine = self.machine
-        if machine is None:
-            return self.history.runs, self.homed, self.servo_on
-        touched = machine.movement.end.touched
-        return machine.step, machine.ending.error, machine.paused, touched, self.servo_on
-
-    @property
     def hold_position(self) -> float:
         """The raw command that keeps the axis where it rests, m or rad."""
         return self.readings.wrapped(self._sign * self._start_command())
-
-    @property
-    def paused(self) -> bool:
-        return self.machine is not None and self.machine.paused
-
-    @property
-    def position(self) -> float:
-        """The newest feedback: in homed coordinates if the axis is homed, else raw."""
-        raw = self._sign * self.readings.track.position
-        return raw - self.outcome.home_offset if self.homed else raw
-
-    @property
-    def raw_position(self) -> float:
-        return self._sign * self.readings.track.position
-
-    @property
-    def home_position_raw(self) -> float:
-        """Where the reference was found, raw: in the run in progress, else in the last one."""
-        machine = self.machine
-        if machine is not None and machine.reference is not None:
-            return self._sign * machine.reference.position
-        return self.outcome.home_position_raw
 
     # ------------------------------------------------------------------------------------- inside
 

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is published of an axis, read from its inputs, its run and its last outcome."""
+
+from ..parameters.axis import AxisParameters
+from ..procedures.states import Error, State
+from .history import History
+from .machine import Machine
+from .outcome import Outcome
+from .readings import Readings
+
+
+class AxisStatus:
+    """The state of an axis, as others may read it.
+
+    Attributes:
+        name: its name.
+        parameters: its parameters.
+        readings: what it has received.
+        machine: the run in progress, None between runs.
+        outcome: how the last run ended.
+        history: the runs so far.
+        homed: whether the axis knows its home.
+        servo_on: whether this node wants the servo on.
+        emergency_stop: whether the emergency stop is on.
+    """
+
+    def __init__(self, name: str, parameters: AxisParameters) -> None:
+        self.name = name
+        self.parameters = parameters
+        self.readings = Readings(parameters)
+        self.machine: Machine | None = None
+        self.outcome = Outcome(Error.NoError)
+        self.history = History()
+        self.homed = False
+        self.servo_on = True
+        self.emergency_stop = False
+        self._sign = parameters.home_direction.sign
+
+    @property
+    def running(self) -> bool:
+        return self.machine is not None
+
+    @property
+    def powered(self) -> bool:
+        """Whether the drive holds the axis, as far as it is known."""
+        return self.servo_on and not self.readings.servo_is_off
+
+    @property
+    def paused(self) -> bool:
+        return self.machine is not None and self.machine.paused
+
+    @property
+    def state(self) -> State:
+        return State.Idle if self.machine is None else self.machine.state
+
+    @property
+    def error(self) -> Error:
+        """Why the axis is stopping, or how its last run ended."""
+        return self.outcome.error if self.machine is None else self.machine.ending.error
+
+    @property
+    def message(self) -> str:
+        """The error in words."""
+        return self.outcome.message if self.machine is None else self.machine.ending.message
+
+    @property
+    def torque_limit(self) -> float:
+        """The torque limit for the drive, %; 0 for none."""
+        return 0.0 if self.machine is None else self.machine.torque_limit
+
+    @property
+    def position(self) -> float:
+        """The newest feedback: in homed coordinates if the axis is homed, else raw."""
+        raw = self._sign * self.readings.track.position
+        return raw - self.outcome.home_offset if self.homed else raw
+
+    @property
+    def raw_position(self) -> float:
+        return self._sign * self.readings.track.position
+
+    @property
+    def home_position_raw(self) -> float:
+        """Where the reference was found, raw: in the run in progress, else in the last one."""
+        machine = self.machine
+        if machine is not None and machine.reference is not None:
+            return self._sign * machine.reference.position
+        return self.outcome.home_position_raw
+
+    @property
+    def fingerprint(self) -> tuple[object, ...]:
+        """A value that changes when the published state changes, and at the end of each run."""
+        machine = self.machine
+        if machine is None:
+            return self.history.runs, self.homed, self.servo_on
+        touched = machine.movement.end.touched
+        return machine.step, machine.ending.error, machine.paused, touched, self.servo_on
