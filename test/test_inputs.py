@@ -62,8 +62,9 @@ class Cell:
 
     PERIOD = 0.004
 
-    def __init__(self, home_type):
-        self.axis = Axis('x', rig(home_type).parameters(), self.PERIOD)
+    def __init__(self, home_type, header_age=None, **changes):
+        self.header_age = header_age
+        self.axis = Axis('x', rig(home_type, **changes).parameters(), self.PERIOD)
         self.topics = {}
         self.clock = Clock()
         self.inputs = Inputs(
@@ -80,7 +81,7 @@ class Cell:
         for source in self.axis.parameters.inputs:
             if 'switch' in source:
                 self.say(source, Bool(data=False))
-        self.say('joint_states', JointState(name=['x'], position=[0.05]))
+        self.say('joint_states', self.feedback(0.05))
         self.cycle()
         assert self.axis.home(self.clock.now) is None
 
@@ -88,6 +89,15 @@ class Cell:
         name = topic.rpartition('/')[2]
         self.topics[name] = Subscription(kind, topic)
         return self.topics[name]
+
+    def feedback(self, position):
+        """Return a message of the joint; its header is as old as the cell says, s."""
+        message = JointState(name=['x'], position=[position])
+        if self.header_age is not None:
+            seconds = self.clock.now - self.header_age
+            message.header.stamp.sec = int(seconds)
+            message.header.stamp.nanosec = round((seconds % 1.0) * 1e9)
+        return message
 
     @staticmethod
     def _late_cycle(late):
@@ -117,7 +127,7 @@ class Cell:
         assert all(map(math.isfinite, setpoint))
         position, velocity, _ = setpoint
         assert abs(velocity) <= 0.2 * (1 + 1e-6)
-        if self.last is not None:
+        if self.last is not None and self.axis.error is not Error.FollowingError:
             assert abs(position - self.last) <= 0.2 * self.PERIOD * (1 + 1e-6) + 1e-9
         self.last = position
 
@@ -128,6 +138,23 @@ def test_a_doubt_is_told_of_what_was_taken(position, warned):
     cell.say('joint_states', JointState(name=['x'], position=[position]), stamp=0.5)
     cell.cycle()
     assert bool(cell.axis.machine.warnings) is warned
+
+
+@pytest.mark.parametrize(
+    ('feedback_clock', 'late', 'doubt'),
+    [('auto', 0.05, 0.05), ('stamp', 0.1, 0.0), ('arrival', 0.0, 0.0)],
+)
+def test_the_parameter_says_which_time_of_a_header_counts(feedback_clock, late, doubt):
+    """Case 3: the header is 0.1 s behind the sending of the same message."""
+    cell = Cell('HS', 0.1, feedback_clock=feedback_clock)
+    taken = []
+    cell.axis.feedback = lambda *sample: taken.append(sample)
+    cell.say('joint_states', cell.feedback(0.05))
+    sent = cell.clock.now
+    cell.cycle()
+    ((at, _, _, doubted),) = taken
+    assert sent - at == pytest.approx(late, abs=1e-6)
+    assert doubted == pytest.approx(doubt, abs=1e-6)
 
 
 def test_an_edge_in_simulated_time_is_no_better_than_its_cycle():

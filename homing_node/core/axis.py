@@ -303,8 +303,8 @@ class Axis(AxisStatus):
 
     def _stop_where_it_is(self, machine: Machine, now: float) -> None:
         """Plan the stop of an axis that is not where its command is from where it is."""
-        track = self.readings.track
-        velocity = track.drift(VELOCITY_SPAN)
+        track, fastest = self.readings.track, self.readings.top_speed
+        velocity = min(fastest, max(-fastest, track.drift(VELOCITY_SPAN)))
         position = track.position + velocity * max(0.0, now - track.time)
         machine.ending.stop_from(position, velocity, self.parameters.ls_dec)
 

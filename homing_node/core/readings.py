@@ -35,6 +35,7 @@ class Readings:
         moving: whether the axis is told to move.
         settled: when the feedback had settled after the last run, s.
         sources: whether two nodes publish the joint.
+        top_speed: the highest speed of a run, m/s or rad/s.
         track: the recorded feedback, in the *toward* frame, m or rad.
         arrival: when the newest feedback arrived, s.
         switches: the wired switches, with their levels.
@@ -64,7 +65,7 @@ class Readings:
         self._parameters = parameters
         self._noise = 1e-3 * parameters.travel
         self._leap = 0.01 * parameters.travel + 2.0 * parameters.following_error_limit
-        self._speed = max(parameters.homing_velocity_fast, parameters.home_shift_velocity)
+        self.top_speed = max(parameters.homing_velocity_fast, parameters.home_shift_velocity)
         sign = parameters.home_direction.sign
         if sign != self._sign:
             self.track.mirror()
@@ -113,13 +114,13 @@ class Readings:
             What is wrong with the sample: it jumped by a turn, or further than the axis can move.
         """
         track = self.track
-        self.sources.add(arrival, position, self._noise + 5.0 * self._speed * track.interval)
+        self.sources.add(arrival, position, self._noise + 5.0 * self.top_speed * track.interval)
         if self._parameters.wrap:
             self._from_zero = self._from_zero or position > 0.5 * self._parameters.wrap
             position = self.unwrapped(position)
         step = self._sign * position - track.position
         jumped = self.known and abs(abs(step) - TURN) < A_TURN * TURN
-        reach = self._leap + 10.0 * self._speed * (time - track.time)
+        reach = self._leap + 10.0 * self.top_speed * (time - track.time)
         if homing and time > track.time and not jumped and abs(step) > reach:
             return self._second_source(track.position, track.position + step)
         if track.append(time, self._sign * position, doubt, self.moving):

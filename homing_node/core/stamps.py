@@ -29,7 +29,8 @@ REORDERED = 2
 class Stamps:
     """The stamps of one publisher.
 
-    ``limit`` is the largest believable age; ``reorder`` how many stamps in a row may run
+    ``limit`` is the largest believable age; ``clock`` which time of a message with a header is the
+    sampling time; ``reorder`` how many stamps in a row may run
     backwards and are taken for messages that overtook each other (they are to be dropped).
     ``warning`` says why a stamp was not believed, '' while all are; ``replaced`` counts them;
     ``smallest`` is the smallest arrival - stamp, ``offset`` the smallest arrival - sending: how
@@ -41,6 +42,7 @@ class Stamps:
 
     __slots__ = (
         'limit',
+        'clock',
         'reorder',
         'warning',
         'replaced',
@@ -55,6 +57,7 @@ class Stamps:
 
     def __init__(self, limit: float, reorder: int = 0) -> None:
         self.limit = limit
+        self.clock = FeedbackClock.auto
         self.reorder = reorder
         self.warning = ''
         self.replaced = 0
@@ -70,7 +73,7 @@ class Stamps:
         stamp: float,
         arrival: float,
         sent: float | None = None,
-        clock: FeedbackClock = FeedbackClock.auto,
+        clock: FeedbackClock | None = None,
     ) -> tuple[float, float] | None:
         """Return the time to use and how far it may be wrong (0: it is the stamp), s.
 
@@ -82,11 +85,13 @@ class Stamps:
             stamp: the time in the message's header; without a header the time of sending, s.
             arrival: when the message arrived, s.
             sent: when the middleware sent the message, s; None if it has no header.
-            clock: which time is the sampling time; only for a message with a header.
+            clock: which time is the sampling time, by default as ``self.clock`` says; only for a
+                message with a header.
 
         Returns:
             Time and doubt; None if this message is to be dropped.
         """
+        clock = clock or self.clock
         if sent is None or clock is FeedbackClock.stamp:
             return self._judge(stamp, arrival, sent)
         if clock is FeedbackClock.arrival:

@@ -16,7 +16,7 @@ from ..core.outcome import Outcome
 from ..core.stamps import REORDERED, Stamps, too_late
 from ..parameters.definition import InvalidParameters
 from ..parameters.wiring import Place, Wiring
-from ..procedures.states import LATCHES, Error, Input
+from ..procedures.states import LATCHES, Error, FeedbackClock, Input
 from . import messages
 from .polling import Info, Take, taker, waiting
 from .serialized import JointStateReader, PlainJointStateReader
@@ -57,8 +57,9 @@ class WiredInput:
 class JointList:
     """The axes whose joints stand in one list of names, which one publisher sends.
 
-    ``groups``: the axes with the same ``feedback_timeout``, each with its place in the list; they
-    judge a stamp alike. ``known``: the stamps that each axis last judged by.
+    ``groups``: the axes with the same ``feedback_timeout`` and ``feedback_clock``, each with its
+    place in the list; they judge a stamp alike. ``known``: the stamps that each axis last judged
+    by.
     """
 
     def __init__(self, places: Sequence[tuple[int, Axis]], known: dict[str, Stamps]) -> None:
@@ -68,14 +69,14 @@ class JointList:
 
     def regroup(self) -> None:
         """Follow changed parameters; what is known of the stamps stays."""
-        groups: dict[float, tuple[Stamps, list[tuple[int, Axis]]]] = {}
+        groups: dict[tuple[float, str], tuple[Stamps, list[tuple[int, Axis]]]] = {}
         for place, axis in self._places:
-            limit = axis.parameters.feedback_timeout
-            if limit not in groups:
+            limit, clock = axis.parameters.feedback_timeout, axis.parameters.feedback_clock
+            if (limit, clock) not in groups:
                 stamps = copy(self._known.get(axis.name) or Stamps(limit, REORDERED))
-                stamps.limit = limit
-                groups[limit] = stamps, []
-            stamps, places = groups[limit]
+                stamps.limit, stamps.clock = limit, clock
+                groups[limit, clock] = stamps, []
+            stamps, places = groups[limit, clock]
             places.append((place, axis))
             self._known[axis.name] = stamps
         self.groups = list(groups.values())
@@ -284,17 +285,21 @@ class Inputs:
         sampled, names, positions = read
         clock = self._clock
         clock.relate()
-        arrival = sent = stamp = clock.polled
+        arrival = stamp = clock.polled
+        sent: float | None = None  # without a header there is one time
         if not clock.simulated:
             arrival = min(arrival, clock.time_of(info['received_timestamp']))
-            sent = stamp = clock.time_of(info['source_timestamp'])
+            stamp = clock.time_of(info['source_timestamp'])
         if sampled:
-            stamp = clock.time_of(sampled)
+            sent, stamp = stamp, clock.time_of(sampled)
         if names is not self._names:
             self._names, self._list = names, self._list_of(names)
         known = len(positions)
         for stamps, places in self._list.groups:
-            found = stamps.believe(stamp, arrival, sent)
+            # Simulated time has one clock.
+            found = stamps.believe(
+                stamp, arrival, sent, FeedbackClock.stamp if clock.simulated else None
+            )
             if found is None:
                 continue
             time, doubt = found
