@@ -76,11 +76,24 @@ def test_a_homed_axis_is_compared_raw(order, axes):
     assert order.wrong is None
 
 
-def test_each_run_asks_anew(order):
+def test_the_next_group_of_a_sequence_is_not_held_again(order, axes):
+    """The axes have moved meanwhile: that is no sign of another order."""
     assert order.missing
     held_cycles(order)
+    for _ in range(1000):
+        order.cycle(moving=True)
+    axes['y'].position += 0.05
+    assert not order.cycle(moving=False)
     assert order.missing is None
+    assert order.wrong is None
+
+
+def test_a_later_run_asks_anew(order):
+    assert order.missing
+    held_cycles(order)
     order.cycle(moving=True)
+    for _ in range(400):
+        order.cycle(moving=False)
     assert order.missing is not None
 
 

@@ -31,6 +31,7 @@ class JointOrder:
         self._begun: dict[str, float] = {}  # the feedback of each axis then; empty: not wanted
         self._cycles = 0
         self._failed = ''
+        self._ran = False  # a run was on in the last cycle
 
     @property
     def wrong(self) -> Outcome | None:
@@ -56,9 +57,11 @@ class JointOrder:
         if not self._begun:
             return False
         self._cycles += 1
-        if moving:  # a run is on: its first setpoints continue from the same places
-            self._begun = {}
+        if moving:  # a run is on, whose first setpoints continue from the same places
+            self._cycles, self._ran = self._needed, True
             return False
+        if self._ran:  # the next group of a sequence need not be held again
+            self._begun, self._ran = {name: _raw(axis) for name, axis in self._axes.items()}, False
         if self._cycles > self._needed + self._valid:
             self._begun, self._failed = {}, ''
             return False
