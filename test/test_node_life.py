@@ -298,13 +298,13 @@ def test_a_sequence_in_a_namespace_with_position_commands(cell):
         first, last = moved[joint]
         assert set(values[:first]) <= {values[0]}
         assert set(values[last + 1 :]) == {values[-1]}
-        samples = [ros.Sample(i, p, 0.0, 0.0, 0) for i, p in enumerate(values)]
-        derivative = [s.position for s in samples]
+        derivative = values
         for limit in (0.05, 0.5, 20.0):
             derivative = [(y - x) / 0.004 for x, y in pairwise(derivative)]
             assert max(map(abs, derivative)) <= limit * (1 + 1e-4) + 1e-6
-    assert moved['b'][0] < 5
-    assert moved['c'][0] < 5
+    held = 52  # at first all are held for 0.2 s, because nobody says which joints they are
+    assert moved['b'][0] < held + 5
+    assert moved['c'][0] < held + 5
     assert moved['a'][0] > max(moved['b'][1], moved['c'][1])
     assert rows[-1] == pytest.approx([0.055, -0.055, 0.055], abs=1e-4)
     count = len(commands)
