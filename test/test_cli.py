@@ -184,7 +184,9 @@ def test_run_from_another_start_with_another_type(capsys):
     told = json.loads(out)['runs'][0]
     assert status == 0 and told['home_type'] == 'HSZPulse' and told['start'] == 0.03
     assert told['states'][0]['state'] == 'HSAndZPulseSearch'
-    assert abs(told['off']) < 1e-9 and told['uncertainty'] < 1e-6
+    assert (
+        abs(told['off']) < 1e-9 and told['uncertainty'] < 2e-5
+    )  # a feedback interval at the slow velocity
 
 
 def test_a_run_that_fails(capsys):

@@ -140,6 +140,8 @@ def test_homing_commands(tmp_path, monkeypatch, capsys):
     assert {words[1] for words in found} >= {'check', 'run', 'diagram'}
     monkeypatch.chdir(tmp_path)
     Path('axes.yaml').write_text(axes_yaml())
+    foreign = Path(__file__).with_name('foreign') / 'servo_router.ini'
+    Path('machine.ini').write_text(foreign.read_text())
     Path('machine.yaml').write_text(
         yaml.safe_dump(
             {
@@ -155,6 +157,8 @@ def test_homing_commands(tmp_path, monkeypatch, capsys):
         )
     )
     for words in found:
+        if words[1] == 'convert':
+            words[words.index('-o') + 1] = 'converted.yaml'
         if words[1] == 'doctor':  # test_node_doctor.py has a node for it
             with pytest.raises(SystemExit, match=r'^0$'):
                 main([*words[1:], '--help'])
