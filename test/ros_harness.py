@@ -568,7 +568,8 @@ AXIS = {
     'homing_velocity_slow': 0.005,
     'homing_reverse_distance': 0.0005,
     'max_jerk': 20.0,
-    'feedback_timeout': 1.0,  # on a busy machine the feedback may come late
+    'feedback_timeout': 1.0,  # on a busy machine the feedback may come late, ...
+    'following_error': 0.01,  # ... and the axis may follow late
 }
 
 

@@ -366,7 +366,7 @@ class Hosts:
                 'feedback_timeout': 0.4,
             }
         }
-        self.start('homing_node', self.cable.near, ros.node_parameters(axes))
+        self.start('homing_node', self.cable.near, ros.node_parameters(axes, ready_timeout=5.0))
         self.start('simulated_axes', self.cable.far, ros.plant_parameters({'x': DRIVE}))
 
     def start(self, name, host, parameters):
