@@ -47,7 +47,7 @@ def fault_cases():
                 "'HSHSH'",
                 'update_rat',
                 "did you mean 'update_rate'",
-                'z.travel',
+                "z: 'z' is none of the axes",
             ],
         ),
         'of every node': (
