@@ -603,6 +603,7 @@ def test_topics_of_the_interface(wired, title):
 
 
 def test_no_input_is_missing_in_the_interface(wired):
+    wired.client.until(lambda: 'homing_node' in wired.client.node.get_node_names())
     limits = {f'/homing_node/x/{limit}' for limit in LIMIT_SWITCHES}  # told by one row
     wired.client.until(
         lambda: (
