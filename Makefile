@@ -130,8 +130,15 @@ $(KILTED)/.interfaces: $(KILTED)/.requirements $(INTERFACES)
 	@$(PIP) --no-deps --editable .
 	@touch $@
 
-# Messages of ros2_control with the same names and layouts, for tests only.
-$(VENV)/.test_interfaces: $(VENV)/.interfaces $(shell find interfaces_for_tests -type f)
-	@echo 'building the interfaces for the tests (about a minute)'
-	@$(PIP) --no-deps --force-reinstall ./interfaces_for_tests/controller_manager_msgs
+# Messages of ros2_control with the same names and layouts, for tests only; each package is built
+# again only when it has changed.
+FOR_TESTS := $(patsubst interfaces_for_tests/%/package.xml,%,$(wildcard interfaces_for_tests/*/package.xml))
+
+$(VENV)/.test_interfaces: $(FOR_TESTS:%=$(VENV)/.for_tests_%)
+	@touch $@
+
+.SECONDEXPANSION:
+$(VENV)/.for_tests_%: $(VENV)/.interfaces $$(shell find interfaces_for_tests/$$* -type f)
+	@echo 'building $* for the tests (about a minute)'
+	@$(PIP) --no-deps --force-reinstall ./interfaces_for_tests/$*
 	@touch $@
