@@ -476,14 +476,17 @@ class HandPlant:
 
     def _run(self):
         handle = self._setpoints.handle
-        controller = PlayedTrajectories(
-            list(self.positions), list(self.positions.values()), 10_000.0, True
-        )
+        controller, before = None, 0
         while not self._ended.wait(self.PERIOD):
             if self.held:
                 continue
             stamp = self.sim_time
             now = time.time_ns() if stamp is None else stamp
+            if controller is None or now < before:  # a simulator that is reset starts it anew
+                controller = PlayedTrajectories(
+                    list(self.positions), list(self.positions.values()), 10_000.0, True
+                )
+            before = now
             while (taken := handle.take_message(JointTrajectory, False)) is not None:
                 controller.take(taken[0], now)
             commands = controller.update(now)
@@ -644,7 +647,7 @@ def course_of(setpoints, joint):
                     point.velocities[i],
                     point.accelerations[i],
                     heard.sent,
-                    heard.message.header.stamp.sec % 1000
+                    heard.message.header.stamp.sec % 1_000_000
                     + heard.message.header.stamp.nanosec * 1e-9,
                 )
             )
@@ -664,6 +667,10 @@ def assert_within_limits(samples, velocity, acceleration, jerk):
         assert abs(s.acceleration) <= acceleration * (1 + 1e-6)
     for number, (a, b) in enumerate(pairwise(samples)):
         step = b.time - a.time
+        if step < -1.0:  # simulated time was set back: the motion goes on
+            assert abs(b.velocity - a.velocity) <= acceleration * 0.05
+            assert abs(b.position - a.position) <= velocity * 0.05
+            continue
         if step < 1e-6:  # the first messages of a run all begin where the motion begins
             assert a[1:4] == b[1:4]
             continue

@@ -41,14 +41,6 @@ def test_without_a_time_nothing_begins(simulated):
     assert (first.state, first.homed, first.header.stamp.sec) == ('Idle', False, 0)
 
 
-#: A fault of the product, not of the plant, which plays by simulated time: a run ends with
-#: FollowingError in HomeShift since the setpoints tell a plan. The cause is not known (issue 22).
-FAILS_IN_SIMULATED_TIME = pytest.mark.xfail(
-    strict=False, reason='with simulated time a run ends with FollowingError in HomeShift'
-)
-
-
-@FAILS_IN_SIMULATED_TIME
 def test_simulated_time(simulated):
     client, hand = simulated.client, simulated.hand
     setpoints = client.record(JointTrajectory, 'setpoints')
@@ -88,7 +80,6 @@ def test_what_needs_no_motion_is_answered_while_simulated_time_stands(simulated)
     hand.held = False
 
 
-@FAILS_IN_SIMULATED_TIME
 def test_simulated_time_jumps(simulated):
     client, hand = simulated.client, simulated.hand
     setpoints = client.record(JointTrajectory, 'setpoints')
@@ -100,7 +91,6 @@ def test_simulated_time_jumps(simulated):
     ros.assert_stopped(client, setpoints, 'x')
 
 
-@FAILS_IN_SIMULATED_TIME
 def test_simulated_time_is_set_back(simulated):
     """The run ends with a stop; then the node homes, though its times were there before."""
     client, hand = simulated.client, simulated.hand
@@ -124,7 +114,6 @@ def test_simulated_time_is_set_back(simulated):
     hand.set('x/home_switch', False)
 
 
-@FAILS_IN_SIMULATED_TIME
 def test_a_signal_while_simulated_time_stands(simulated):
     """Nothing can come to rest then; the node ends all the same."""
     client, hand = simulated.client, simulated.hand
