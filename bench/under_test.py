@@ -9,16 +9,16 @@ from typing import Any
 
 from grid import Grid
 
+from homing_node.ros.cycle import Cycle
 from homing_node.ros.main import main
-from homing_node.ros.node import HomingNode
 from homing_node.ros.setpoints import TrajectorySetpoints
 
 grid = Grid()
-cycle, publish = HomingNode._cycle, TrajectorySetpoints.publish
+cycle, publish = Cycle._once, TrajectorySetpoints.publish
 now_due = 0.0
 
 
-def cycling(self: HomingNode, now: float, due: float) -> None:
+def cycling(self: Cycle, now: float, due: float) -> None:
     global now_due
     now_due = due
     cycle(self, now, due)
@@ -31,7 +31,7 @@ def publishing(self: TrajectorySetpoints, message: Any) -> None:
 
 if __name__ == '__main__':
     file = sys.argv.pop(1)
-    HomingNode._cycle = cycling  # type: ignore[method-assign]
+    Cycle._once = cycling  # type: ignore[method-assign]
     TrajectorySetpoints.publish = publishing  # type: ignore[method-assign]
     status = main()
     grid.save(file)

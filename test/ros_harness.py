@@ -572,7 +572,7 @@ AXIS = {
     'homing_reverse_distance': 0.0005,
     'max_jerk': 20.0,
     'feedback_timeout': 1.0,  # on a busy machine the feedback may come late, ...
-    'following_error': 0.01,  # ... and the axis may follow late
+    'following_error': 0.025,  # ... and the axis may follow late
 }
 
 

@@ -2,9 +2,10 @@
 """The action, beside the services."""
 
 import os
+import statistics
 import subprocess
 import sys
-import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -277,6 +278,9 @@ def test_cancel_in_each_state(machine, by):
 
     def cancel_those_who_are_there():
         moved = {joint for heard in setpoints for joint in heard.message.joint_names}
+        for axis in waiting:
+            if goals[axis][2].done():  # its state was over before this machine told of it
+                goals[axis] = send(client, axis)
         for axis in waiting & moved:
             if states[axis][-1].message.state == axis:
                 waiting.discard(axis)
@@ -338,8 +342,10 @@ def test_feedback_comes_ten_times_a_second(machine):
     setpoints = client.record(JointTrajectory, 'setpoints')
     handle, feedback, ended = send(client, 'p')
     ros.at_speed(client, setpoints, 'p')
-    before, begun = len(feedback), time.monotonic()
-    client.until(lambda: len(feedback) >= before + 11)
-    assert (time.monotonic() - begun) / 10.5 == pytest.approx(0.1, rel=0.5)
+    client.until(lambda: len(feedback) >= 11)
+    told = [message.states[0].header.stamp for message in feedback]
+    seconds = [stamp.sec % 1000 + stamp.nanosec * 1e-9 for stamp in told]
+    steps = [later - earlier for earlier, later in pairwise(seconds)]
+    assert statistics.median(steps) == pytest.approx(0.1, rel=0.5)
     client.answer(handle.cancel_goal_async())
     client.answer(ended, 3.0)

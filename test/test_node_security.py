@@ -18,6 +18,7 @@ ELSEWHERE = {
     '/homing_node/position_commands',
     # of a controller and its manager, which are not here
     '/*/get_parameters',
+    '/*/list_parameters',
     '/*/list_controllers',
 }
 

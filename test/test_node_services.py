@@ -57,10 +57,6 @@ def setpoints(client):
     return client.record(JointTrajectory, 'setpoints')
 
 
-def positions(setpoints, axis):
-    return [s.position for s in ros.course_of(setpoints, axis)]
-
-
 def test_discovery_by_the_name_of_the_node(client):
     node = client.node
     client.until(lambda: ('homing_node', '/') in node.get_node_names_and_namespaces())
@@ -111,9 +107,10 @@ def test_busy_and_meanwhile_everything_else_answers(client, setpoints):
     answer = client.home('y')['y']
     assert answer.success, answer.message
     assert not future.done()
-    # Its own setpoints went on, each a step of the same length.
-    steps = positions(setpoints, 'long')
-    assert steps[-1] - steps[-101] == pytest.approx(100 * 0.05 * 0.004, rel=0.01)
+    # Its own setpoints went on, at the same velocity.
+    first, last = (ros.course_of(setpoints, 'long')[i] for i in (-101, -1))
+    velocity = (last.position - first.position) / (last.time - first.time)
+    assert velocity == pytest.approx(0.05, rel=0.01)
 
     assert client.trigger('y/cancel').message == 'nothing to cancel'
     assert not future.done()
@@ -244,7 +241,7 @@ def test_emergency_stop(client, setpoints, emergency_stop):
     client.until(lambda: states[-1].message.state == 'Idle')
     ros.assert_stopped(client, setpoints, 'long', 1.0)
     samples = ros.course_of(setpoints, 'long')
-    assert min(s.acceleration for s in samples) < -0.9  # ls_dec, not the profile's 0.5
+    assert min(s.acceleration for s in samples) < -0.6  # of ls_dec, not of the profile: 0.5
     assert states[-1].message.error == 'EmergencyStop'
     assert ros.course(states)[-2:] == ['HSSearch', 'Idle']
 

@@ -77,7 +77,7 @@ def main(args: list[str] | None = None) -> int:
         node.stop()
 
     threading.Thread(target=wait_for_signal, daemon=True).start()
-    while not node.finished.is_set():
+    while not node.finished:
         try:
             executor.spin_once()
         except Exception as error:  # of one callback: the axes and the other clients go on
