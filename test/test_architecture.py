@@ -16,6 +16,7 @@ ROOMS = [
     'parameters',
     'core',
     'course',
+    'memory',
     'plant',
     'rehearsal',
     'check',
