@@ -25,7 +25,7 @@ unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON
 # Processes that are started here neither hear nor disturb ROS nodes of other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help venv demo lint test test-kilted test-faults fuzz bench bench-accuracy docs workspace \
+.PHONY: help venv demo lint test test-long test-kilted test-faults fuzz bench bench-accuracy docs workspace \
   clean
 .DELETE_ON_ERROR:
 
@@ -33,6 +33,7 @@ help:
 	@echo 'make venv    install everything into $(VENV) (the first time: two minutes)'
 	@echo 'make demo    home simulated axes and show what happens'
 	@echo 'make test    lint, then run all tests'
+	@echo 'make test-long   run the tests that take long, and those of docs and benchmarks'
 	@echo 'make test-kilted   run the tests of the node on ROS 2 Kilted, in $(KILTED)'
 	@echo 'make lint    ruff (rules and format), and mypy --strict on all that needs no ROS'
 	@echo 'make test-faults   run every fault scenario, print what became of it'
@@ -52,10 +53,13 @@ lint: venv
 	$(VENV)/bin/mypy $(TYPED)
 
 test: lint $(VENV)/.test_interfaces
-	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(WORKERS)
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(WORKERS) -m 'not long'
+
+test-long: venv $(VENV)/.test_interfaces
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest -q -m long
 
 test-kilted: $(KILTED)/.package
-	ROS_PYTHON_CHECK_FIELDS=1 $(KILTED)/bin/python -m pytest $(WORKERS) $(TESTS_OF_ROS)
+	ROS_PYTHON_CHECK_FIELDS=1 $(KILTED)/bin/python -m pytest $(WORKERS) -m 'not long' $(TESTS_OF_ROS)
 
 test-faults: venv
 	@$(VENV)/bin/python scripts/faults.py

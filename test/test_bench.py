@@ -21,6 +21,7 @@ FIGURES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', FIGURES)
 def test_a_benchmark_gives_its_figures(name):
     ran = subprocess.run(

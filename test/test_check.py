@@ -975,7 +975,9 @@ def test_no_run_takes_less_than_the_least_time(home_type):
 # ------------------------------------------------------ what is said of hard stops is what happens
 
 GRID = [
-    (home_type, velocity, latency)
+    pytest.param(
+        *(home_type, velocity, latency), marks=[pytest.mark.long] if velocity == 0.02 else []
+    )
     for home_type in ('HS', 'HSHS', 'HSOff', 'LS', 'LSReverseZPulse', 'TouchProbe')
     for velocity in (0.02, 0.05, 0.1)
     for latency in (0.0, 0.008)
@@ -1107,7 +1109,7 @@ def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocit
         assert any(hit) is hits, (overrun, part)
 
 
-@pytest.mark.parametrize('direction', [1, -1])
+@pytest.mark.parametrize('direction', [1, pytest.param(-1, marks=pytest.mark.long)])
 @pytest.mark.parametrize('reverse', [0.0, 0.003, 0.03])
 @pytest.mark.parametrize(
     'acceleration, deceleration, feedback_rate',

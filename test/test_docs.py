@@ -166,6 +166,7 @@ def test_homing_commands(tmp_path, monkeypatch, capsys):
             assert main(words[1:]) == 0, (words, capsys.readouterr().out)
 
 
+@pytest.mark.long
 def test_the_tutorial(tmp_path):
     """Every block in its order: files are written, commands run, the axis homes."""
     script = ['set -em']
@@ -438,6 +439,7 @@ def test_only_commands_that_are_tested():
         assert ' '.join(words[1:]).startswith(tested), words
 
 
+@pytest.mark.long
 @each('python')
 def test_python_homes(block, demo):
     demo.client.start('z')  # so the node has heard the plant
@@ -494,6 +496,7 @@ def levels_of(configured, axis):
 QOS_BLOCKS = [b for b in BLOCKS if 'qos_overrides' in b.text]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('overridden', [True, False], ids=['overridden', 'plain'])
 @pytest.mark.parametrize('block', QOS_BLOCKS, ids=lambda b: b.id)
 def test_latching_driver(block, overridden, tmp_path):

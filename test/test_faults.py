@@ -101,6 +101,7 @@ def test_the_page_is_generated():
 # -- for long -------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_thousand_homings_in_a_row():
     """Neither memory nor threads nor the time of a run grow."""
     made = faulty(HSHS.but(homing_velocity_slow=0.2), 1, start=0.055)

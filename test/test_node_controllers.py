@@ -81,6 +81,7 @@ def refused(world):
     return messages, world.client.answer(world.client.send(Trigger, 'x/home'))
 
 
+@pytest.mark.long
 def test_case_31_nobody_listens(cell):
     world = cell(timeout=8.0)
     client = world.client
@@ -93,6 +94,7 @@ def test_case_31_nobody_listens(cell):
     assert answer.message.endswith('after waiting for 8 s')
 
 
+@pytest.mark.long
 def test_a_request_waits_for_its_controller(cell):
     world = cell(timeout=20.0)
     future = world.client.send(Trigger, 'x/home')
@@ -252,6 +254,7 @@ def managed(cell):
     return make
 
 
+@pytest.mark.long
 def test_a_manager_says_that_the_controller_is_not_active(managed):
     world = managed('inactive')
     world.client.set(ready_timeout=8.0)
@@ -276,6 +279,7 @@ def test_case_29_a_manager_says_that_the_controller_has_left_active(managed):
     assert answer.message.startswith('NoController: axis x: /axes_controller became inactive')
 
 
+@pytest.mark.long
 def test_an_unknown_listener_of_positions_gets_the_axes_held_first(cell):
     """A listener whose joints cannot be read: the first setpoints of a run hold every axis."""
     world = cell({'interface': 'unknown'}, 'position')

@@ -51,6 +51,7 @@ def found(world, *arguments):
     return status, {(one['axis'], one['check']): one for one in report['findings']}
 
 
+@pytest.mark.long
 def test_a_node_that_is_not_there(world):
     status, out, err = doctor(world)
     assert status == 2 and out == ''

@@ -65,6 +65,7 @@ def test_a_switch_that_is_polled_seldom(tmp_path):
         assert 'times a second' in told + one.node.output
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('offset', [-0.1, 0.1])
 def test_a_header_clock_of_its_own(tmp_path, offset):
     """Case 3: the stamps of the feedback are 0.1 s beside the sending, HS at 50 mm/s."""

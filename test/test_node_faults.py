@@ -254,6 +254,7 @@ rclpy.spin(node)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('kind', ['service', 'action'])
 def test_a_client_vanishes_while_it_waits(client, world, setpoints, kind):
     """The run goes on to its end, and the node goes on serving."""
@@ -443,6 +444,7 @@ def assert_homed_right_or_stopped(ended, errors=LATE):
     return name
 
 
+@pytest.mark.long
 @needs_two_hosts
 @pytest.mark.parametrize('delay', [0.0, 0.005], ids=['clean', 'late'])
 def test_two_hosts(hosts, delay):
@@ -452,6 +454,7 @@ def test_two_hosts(hosts, delay):
         assert name == 'Homed'
 
 
+@pytest.mark.long
 @needs_two_hosts
 def test_the_cable_is_cut(hosts):
     """The node ends with an error, the controller stops; joined again, the axis homes."""
@@ -468,6 +471,7 @@ def test_the_cable_is_cut(hosts):
     assert assert_homed_right_or_stopped(again) == 'Homed'
 
 
+@pytest.mark.long
 @needs_two_hosts
 def test_a_cable_that_loses_messages(hosts):
     """An edge that is lost comes again with its writer's next heartbeat, in 3 s at worst.

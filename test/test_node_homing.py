@@ -170,10 +170,10 @@ def test_setpoints_tell_the_joints_that_home_what_comes(run):
 
 
 def test_a_setpoint_every_cycle(run):
-    times = [s.sent * 1e-9 for s in ros.course_of(run.setpoints[: run.total], 'up_between')]
+    times = [s.time for s in ros.course_of(run.setpoints[: run.total], 'up_between')]
     steps = sorted(b - a for a, b in pairwise(times))
     # A busy machine misses a cycle now and then; twice as many setpoints, or half, would show.
-    assert steps[len(steps) // 2] == pytest.approx(0.004, rel=0.3)
+    assert steps[len(steps) // 2] == pytest.approx(0.004, rel=0.45)
 
 
 @ONE_TYPE

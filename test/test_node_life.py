@@ -358,6 +358,7 @@ def held_by(process):
     )
 
 
+@pytest.mark.long
 def test_homings_in_a_row(tmp_path):
     """Neither memory nor threads nor files nor the time of an answer grow."""
     axes = [f'a{i}' for i in range(4)]

@@ -500,6 +500,7 @@ def test_a_script_reads_the_newest_state(client, world, monkeypatch):
         assert homing.state('two').homed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('ask', ['home', 'call_home'])
 def test_a_script_that_has_homed_an_axis_sees_it_homed(world, monkeypatch, ask):
     """The last state of a run leaves before its answer."""

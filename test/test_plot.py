@@ -24,9 +24,14 @@ from homing_node.rehearsal.run import rehearse
 HSHS = EXAMPLES[HomeType.HSHS]
 STEP = 0.02
 EVERY_RUN = [
-    pytest.param(home_type, run, id=f'{home_type}-{run.title}')
+    pytest.param(
+        home_type,
+        run,
+        id=f'{home_type}-{run.title}',
+        marks=[pytest.mark.long] if number else [],  # drawing takes half a second
+    )
     for home_type, example in EXAMPLES.items()
-    for run in example.runs
+    for number, run in enumerate(example.runs)
 ]
 
 

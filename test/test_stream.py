@@ -98,7 +98,7 @@ def test_the_controller_stops_by_itself_when_messages_cease(controller, speed):
     assert jerk <= JERK * 1.05
 
 
-@pytest.mark.parametrize('stall', [0.015, 0.1, 1.0])
+@pytest.mark.parametrize('stall', [0.015, 0.1, pytest.param(1.0, marks=pytest.mark.long)])
 @pytest.mark.parametrize('begin', [0.05, 0.3, 0.45], ids=['speeding up', 'cruising', 'turning'])
 @pytest.mark.parametrize('speed', [0.05, 0.5])
 def test_a_stalled_node_goes_on_from_where_the_controller_is(stall, begin, speed):

@@ -3,10 +3,20 @@
 
 import random
 import time
+from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 
-from homing_node.ros.timebase import BLINK, LATE_SHARE, MOST_LEAD, STANDSTILL, Lead, TimeBase
+from homing_node.ros.timebase import (
+    BLINK,
+    LATE_SHARE,
+    MOST_LEAD,
+    STANDSTILL,
+    Lead,
+    Stamps,
+    TimeBase,
+)
 
 PERIOD = 0.004
 
@@ -155,3 +165,37 @@ def test_the_bounds_of_a_lead():
     assert lead.time == MOST_LEAD * PERIOD
     late(lead, lambda: -1.0, 20_000)
     assert lead.time == 0.0
+
+
+# -- the stamps of the setpoints ------------------------------------------------------------------
+
+
+def stamps_of(offsets, period=0.004):
+    """Return the stamps of setpoints; the offset between the clocks is read before each, ns."""
+    clock = SimpleNamespace(simulated=False, offset=0)
+    stamps, given = Stamps(clock), []
+    for n, clock.offset in enumerate(offsets):
+        given.append(stamps.stamp_of(100.0 + n * period))
+    return given
+
+
+def steps_of(stamps):
+    return [b - a for a, b in pairwise(stamps)]
+
+
+@pytest.mark.parametrize('wrong', [10_000, 2_000_000, -2_000_000, 40_000_000])
+def test_a_wrong_reading_of_a_clock_hardly_changes_a_stamp(wrong):
+    steps = steps_of(stamps_of([0] * 5 + [wrong] + [0] * 5))
+    assert all(abs(step - 4_000_000) <= 4_000 for step in steps)
+
+
+def test_the_stamps_follow_a_clock_that_is_slewed():
+    """500 ppm is the fastest that NTP slews a clock."""
+    offsets = [round(n * 4_000_000 * 500e-6) for n in range(2000)]
+    stamps = stamps_of(offsets)
+    assert abs(stamps[-1] - (round((100.0 + 1999 * 0.004) * 1e9) + offsets[-1])) <= 25_000
+
+
+def test_the_stamps_follow_a_clock_that_was_set_at_once():
+    steps = steps_of(stamps_of([0, 0, 80_000_000, 80_000_000]))
+    assert steps == [4_000_000, 84_000_000, 4_000_000]

@@ -175,6 +175,7 @@ def test_plain_pip_is_refused_by_an_externally_managed_python(tmp_path, wheels):
     assert 'externally-managed-environment' in done.stderr
 
 
+@pytest.mark.long
 def test_readme_environment_works_on_the_systems_python(tmp_path, wheels):
     system_python('pip', 'venv', 'ensurepip')
     lines = readme_lines('python3 -m venv', '. venv/', 'touch venv/', 'pip install ruckig')

@@ -27,8 +27,9 @@ LATE_SHARE, LEAD_STEP, MOST_LEAD = 0.03, 3e-3, 0.8
 #: read this often, and the closest readings count.
 READINGS = 3
 #: Clocks are related to within this; a difference of more than the other means that one was set,
-#: ns. Between them the stamps follow by this part of the difference a cycle.
-READING_ERROR, CLOCK_WAS_SET, SLOWLY = 20_000, 50_000_000, 64
+#: ns. Between them the stamps follow by this part of the time: the velocity at the drive changes
+#: as much.
+READING_ERROR, CLOCK_WAS_SET, SLEW = 20_000, 50_000_000, 1e-3
 #: How much later than asked a sleep of the cycle may end, ns; 50000 by default.
 TIMER_SLACK = 1
 
@@ -136,16 +137,19 @@ class Stamps:
     def __init__(self, timebase: TimeBase) -> None:
         self._timebase = timebase
         self._offset: int | None = None  # of ROS time to the time of the core, ns
+        self._followed = 0.0  # when the offset was followed last, s
 
     def stamp_of(self, time: float) -> int:
         """Return the stamp of a time of the core, ns."""
         if self._timebase.simulated:
             return round(time * 1e9)
         offset = self._timebase.offset
+        most = int(SLEW * max(0.0, time - self._followed) * 1e9)
+        self._followed = time
         if self._offset is None or abs(offset - self._offset) > CLOCK_WAS_SET:
             self._offset = offset
         elif abs(offset - self._offset) > READING_ERROR:
-            self._offset += (offset - self._offset) // SLOWLY
+            self._offset += max(-most, min(offset - self._offset, most))
         return round(time * 1e9) + self._offset
 
 
