@@ -124,7 +124,10 @@ def test_every_state_on_the_way_is_published(run):
         assert ros.course(states) == expected_course(run.home_type, start_of(axis)), axis
         messages = [heard.message for heard in states]
         assert all(m.axis == axis and m.error == 'NoError' and not m.paused for m in messages)
-        assert [m.homed for m in messages] == [False] * (len(messages) - 1) + [True]
+        homed = [m.homed for m in messages]
+        assert homed == sorted(homed)  # from its end on
+        assert homed[-1]
+        assert all(m.state == 'Idle' for m in messages if m.homed)
         assert messages[-1].home_position_raw == pytest.approx(
             sign_of(axis) * EDGE[run.home_type], abs=1e-4
         )

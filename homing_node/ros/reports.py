@@ -23,6 +23,8 @@ from . import messages
 
 #: Period of each axis's state while it homes, and of the feedback to a goal, s.
 STATE_PERIOD = 0.1
+#: Period of each axis's state while it rests, s.
+REST_PERIOD = 1.0
 #: More states than these do not leave at once, so that the cycle never waits long for the lock.
 STATES_AT_ONCE = 8
 #: Periods of the homed joint states and of the diagnostics, s.
@@ -91,7 +93,7 @@ class Reports:
         # No SimpleQueue: until Python 3.13 a short wait for nothing may never end there.
         self._queue: Queue[Report | Afterwards] = Queue()
         self._last = {name: LastReport() for name in axes}
-        self._turn = 0  # the next of the running axes
+        self._turns = {True: 0, False: 0}  # the next of the running axes, and of the others
         self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
         self._gate = threading.Lock()  # of `_over`
         self._over = False  # nothing is published any more
@@ -142,7 +144,13 @@ class Reports:
     def _publish_until(self, ended: Callable[[], bool]) -> None:
         last = -LINGER  # the time of the last message
         timetable = dict.fromkeys(
-            (self._next_states, self._feedback, self._joint_states, self._diagnostics),
+            (
+                self._next_states,
+                self._next_at_rest,
+                self._feedback,
+                self._joint_states,
+                self._diagnostics,
+            ),
             time.monotonic(),
         )
         while not (ended() and self._queue.empty()):
@@ -203,18 +211,23 @@ class Reports:
     # ---------- reports by time: queue them, return the time until the next, s; the lock is held
 
     def _next_states(self) -> float:
-        """Queue the states of a few axes that home; they take turns."""
-        running = [axis for axis in self._axes.values() if axis.running]
-        if not running:
+        return self._take_turns(running=True, period=STATE_PERIOD)
+
+    def _next_at_rest(self) -> float:
+        return self._take_turns(running=False, period=REST_PERIOD)
+
+    def _take_turns(self, running: bool, period: float) -> float:
+        """Queue the states of a few axes that home, or that do not; each has its turn."""
+        axes = [axis for axis in self._axes.values() if axis.running is running]
+        if not axes:
             return STATE_PERIOD
-        if self._turn >= len(running):
-            self._turn = 0
-        for axis in running[self._turn : self._turn + STATES_AT_ONCE]:
+        first = self._turns[running] if self._turns[running] < len(axes) else 0
+        self._turns[running] = first + STATES_AT_ONCE
+        for axis in axes[first : first + STATES_AT_ONCE]:
             self._queue.put(
                 (self._to.states[axis.name].publish, messages.axis_state(self._stamp(), axis))
             )
-        self._turn += STATES_AT_ONCE
-        return STATE_PERIOD / math.ceil(len(running) / STATES_AT_ONCE)
+        return period / math.ceil(len(axes) / STATES_AT_ONCE)
 
     def _feedback(self) -> float:
         stamp = self._stamp()
