@@ -17,7 +17,7 @@ def start_plant(context):
     """Return the simulated axes: in the namespace of the node, with its interface and topic."""
     given = context.launch_configurations
     interface, topic = given['setpoint_interface'], given['setpoint_topic']
-    names = ['homing_node/setpoints', 'homing_node/position_commands'] if topic else []
+    outputs = ['setpoints', 'position_commands', 'dof_commands'] if topic else []
     return [
         Node(
             package='homing_node',
@@ -27,7 +27,7 @@ def start_plant(context):
                 given['plant'],
                 *([{'setpoint_interface': interface}] if interface else []),
             ],
-            remappings=[(name, topic) for name in names],
+            remappings=[(f'homing_node/{name}', topic) for name in outputs],
             ros_arguments=['--log-level', given['log_level']],
             output='screen',
         )
@@ -57,7 +57,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'setpoint_interface',
                 default_value='',
-                choices=['', 'trajectory', 'position'],
+                choices=['', 'trajectory', 'position', 'dof'],
                 description='overrides setpoint_interface of both parameter files',
             ),
             DeclareLaunchArgument(

@@ -39,7 +39,7 @@ def start(context):
         if given[name]
     }
     topic = given['setpoint_topic']
-    names = ['~/setpoints', '~/position_commands'] if topic else []
+    names = ['~/setpoints', '~/position_commands', '~/dof_commands'] if topic else []
     return [
         Node(
             package='homing_node',
@@ -63,7 +63,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'setpoint_interface',
                 default_value='',
-                choices=['', 'trajectory', 'position'],
+                choices=['', 'trajectory', 'position', 'dof'],
                 description='overrides setpoint_interface of the parameter file',
             ),
             DeclareLaunchArgument(

@@ -165,6 +165,63 @@ def test_a_plan_that_was_not_announced_waits():
     assert one.position == position
 
 
+@pytest.mark.parametrize(
+    ('order', 'velocity'),
+    [
+        (lambda p: p.seek(0.05, FAST), 0.05),
+        (lambda p: p.move(0.4, FAST), 0.0),
+        (lambda p: p.seek(-0.05, FAST), -0.05),
+    ],
+    ids=['search', 'move', 'turning'],
+)
+def test_after_a_pause_single_setpoints_begin_from_rest(order, velocity):
+    """The axis has stood still; to go on at full speed would be a step of its velocity."""
+    one = Profile(PERIOD, 10.0, 0.3)
+    one.seek(0.05, FAST)
+    for _ in range(60):
+        one.update()
+    order(one)
+    one.update()
+    position = one.position
+    assert one.velocity > 0.04
+    one.skip(0.1)
+    assert (one.position, one.velocity, one.acceleration) == (position, 0.0, 0.0)
+    before = one.acceleration
+    for _ in range(800):
+        one.update()
+        assert abs(one.acceleration - before) <= 10.0 * PERIOD * 1.001
+        before = one.acceleration
+    assert one.velocity == pytest.approx(velocity, abs=1e-9)
+    if not velocity:
+        assert one.position == pytest.approx(0.4)
+
+
+def test_after_a_pause_a_stop_of_single_setpoints_is_over():
+    one = Profile(PERIOD, 10.0, 0.3)
+    one.seek(0.05, FAST)
+    for _ in range(60):
+        one.update()
+    one.stop()
+    one.update()
+    position = one.position
+    one.skip(0.1)
+    one.update()
+    assert (one.position, one.velocity, one.done) == (position, 0.0, True)
+
+
+@pytest.mark.parametrize('elapsed', [0.004, 0.01])
+def test_after_a_late_setpoint_single_setpoints_go_on(elapsed):
+    one = Profile(PERIOD, 10.0, 0.3)
+    one.seek(0.05, FAST)
+    for _ in range(60):
+        one.update()
+    position = one.position
+    one.skip(elapsed)
+    assert (one.position, one.velocity) == (position, 0.05)
+    one.update()
+    assert one.position == pytest.approx(position + 0.05 * PERIOD)
+
+
 @pytest.mark.parametrize('lead', [0.0, LEAD])
 def test_freezing_stops_at_the_present(lead):
     one = Profile(PERIOD, 10.0, 0.3, lead)

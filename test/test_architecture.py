@@ -62,7 +62,7 @@ ROS = {
     'trajectory_msgs',
 }
 #: Packages of ROS that need not be installed; who imports them does without.
-OPTIONAL = {'controller_manager_msgs'}
+OPTIONAL = {'control_msgs', 'controller_manager_msgs'}
 THIRD = {'matplotlib', 'numpy', 'rich', 'ruckig', 'yaml'}
 
 FILES = [path for path in sorted(PACKAGE.rglob('*.py')) if path != PACKAGE / '__init__.py']

@@ -335,7 +335,7 @@ def test_the_simulated_axes_say_every_fault():
         )
     assert caught.value.faults == (
         'feedback_rate: 0.0 Hz must be >= 1 and <= 5000 Hz',
-        "setpoint_interface: 'velocity' is none of trajectory, position",
+        "setpoint_interface: 'velocity' is none of trajectory, position, dof",
         "steprate: no such parameter; did you mean 'step_rate'?",
         "z: 'z' is none of the axes x, y: add it to axes, or delete its parameters",
         'use_sim_time: must be false, the simulated axes run in real time',

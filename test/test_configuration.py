@@ -68,7 +68,21 @@ def test_everything_set():
     assert checked.setpoint_interface is SetpointInterface.position
     assert checked.home_sequence == (('a_1',), ('z',))
     assert checked.joints == {'z': 'joint_z', 'a_1': 'a_1'}
+    assert checked.position_joints == ('joint_z', 'a_1')
     assert checked.topics == {'z': {Input.HOME_SWITCH: '/io/z'}, 'a_1': {}}
+
+
+def test_the_joints_of_an_array_of_positions():
+    assert configuration(flat()).position_joints == ('x',)
+    joints = ['other', 'joint_x']
+    checked = configuration(flat(x__joint='joint_x', position_joints=joints))
+    assert checked.position_joints == ('other', 'joint_x')
+
+
+@pytest.mark.parametrize('interface', SetpointInterface)
+def test_only_a_trajectory_tells_the_plan_ahead(interface):
+    lead = configuration(flat(setpoint_interface=str(interface), setpoint_lead=0.1)).lead
+    assert lead == (0.1 if interface is SetpointInterface.trajectory else 0.0)
 
 
 def test_what_every_ros_node_has_is_no_fault():
@@ -159,6 +173,19 @@ def test_an_axis_that_is_named_twice_has_its_faults_told_once():
             {'setpoint_interface': 'velocity'},
             ['setpoint_interface', "'velocity'", 'trajectory, position'],
         ),
+        (
+            {'position_joints': ['q']},
+            ["position_joints: 'x', the joint of axis x, is missing in q"],
+        ),
+        (
+            {'x__joint': 'x_joint', 'position_joints': ['x']},
+            ["position_joints: 'x_joint', the joint of axis x, is missing in x"],
+        ),
+        ({'position_joints': ['x', 'q', 'q']}, ["position_joints: 'q' stands there twice"]),
+        ({'position_joints': ['x', '']}, ['position_joints: a joint has no name']),
+        ({'position_joints': 'x'}, ['position_joints', 'list of strings']),
+        ({'setpoint_lead': 0.2}, ['setpoint_lead: 0.2 s must be >= 0 and <= 0.1 s']),
+        ({'setpoint_lead': -0.001}, ['setpoint_lead: -0.001 s must be >= 0 and <= 0.1 s']),
         ({'home_sequence': ['x, q']}, ['home_sequence', "'q'"]),
         ({'home_sequence': ['x', 'x']}, ['home_sequence', 'twice']),
         ({'home_sequence': 'x'}, ['home_sequence', 'list of strings']),

@@ -53,7 +53,12 @@ FORWARD = {
     'interface_name': 'position',
     'update_rate': 250,
 }
-DOF = {'dof_names': ['y_joint', 'x_joint'], 'command_interface': 'position'}
+DOF = {
+    'dof_names': ['x_joint', 'y_joint'],
+    'command_interface': 'velocity',
+    'reference_and_state_interfaces': ['position', 'velocity'],
+    'update_rate': 250,
+}
 
 
 def trajectory(**changed):
@@ -260,6 +265,30 @@ CASES = {
         error,
         'controller-joints',
         'ignores a message',
+    ),
+    'PID controller in another order': (
+        facts(dof(dof_names=['y_joint', 'x_joint'])),
+        error,
+        'controller-joints',
+        'each would go to the joint of another; position_joints: [y_joint, x_joint]',
+    ),
+    'PID controller with other names of the references': (
+        facts(dof(reference_and_state_dof_names=['x_motor', 'y_motor'])),
+        error,
+        'controller-joints',
+        '[x_motor, y_motor]',
+    ),
+    'PID controller of velocities': (
+        facts(dof(reference_and_state_interfaces=['velocity'])),
+        error,
+        'command-interfaces',
+        'takes the values for velocity',
+    ),
+    'PID controller at another rate': (
+        facts(dof(update_rate=1000)),
+        warning,
+        'controller-rate',
+        'update_rate: 1000 Hz',
     ),
     'another clock': (
         facts(trajectory(use_sim_time=True)),

@@ -587,8 +587,9 @@ def test_topics_of_the_interface(wired, title):
     )
     rows = listed(title)
     if title == 'Outputs':  # of the interface that is not chosen there is no topic
-        del rows['/homing_node/position_commands']
-        assert not node.get_publishers_info_by_topic('/homing_node/position_commands')
+        for name in ('/homing_node/position_commands', '/homing_node/dof_commands'):
+            del rows[name]
+            assert not node.get_publishers_info_by_topic(name)
     for name, (_, kind, qos, _) in rows.items():
         ends = wired.client.until(
             lambda n=name: [e for e in ask(n) if e.node_name == 'homing_node'], what=name

@@ -294,6 +294,30 @@ def test_an_unknown_listener_of_positions_gets_the_axes_held_first(cell):
     assert abs(messages[len(still)].message.data[0] - held[0]) < 1e-4  # the run begins there
 
 
+def test_commands_by_name_for_all_joints_of_the_controller(tmp_path):
+    """In the order of `position_joints`; a joint that no axis homes stays where it is."""
+    kind = pytest.importorskip('control_msgs.msg').MultiDOFCommand
+    joints = ['y', 'other', 'x']
+    with ros.World(
+        tmp_path,
+        ros.node_parameters(
+            {'x': {'home_type': 'HS'}, 'y': {}},
+            setpoint_interface='dof',
+            position_joints=joints,
+            ready_timeout=5.0,
+        ),
+        ros.plant_parameters({name: {} for name in joints}, setpoint_interface='dof'),
+    ) as world:
+        messages = world.client.record(kind, 'dof_commands')
+        answer = world.client.home('x')['x']
+        assert answer.success, answer.message
+        heard = [one.message for one in messages]
+        assert all(one.dof_names == joints for one in heard)
+        assert {tuple(one.values[:2]) for one in heard} == {tuple(heard[0].values[:2])}
+        assert heard[0].values == pytest.approx([0.04] * 3, abs=1e-4)
+        assert max(one.values_dot[2] for one in heard) == pytest.approx(0.05)
+
+
 def test_an_unknown_listener_with_another_order_is_noticed_before_a_run(tmp_path):
     """The plant has its axes in another order, and no parameters that can be read."""
     with ros.World(

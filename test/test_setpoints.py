@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The messages of each setpoint interface, without a graph."""
 
+from itertools import pairwise
+
 import pytest
 from core_rig import rig
 from rclpy.serialization import deserialize_message, serialize_message
@@ -9,11 +11,21 @@ from trajectory_msgs.msg import JointTrajectory
 
 from homing_node.core.axis import Axis
 from homing_node.parameters.configuration import SetpointInterface, configuration
+from homing_node.parameters.definition import InvalidParameters
+from homing_node.plant.controller import NS, Message, Point, TrajectoryController
 from homing_node.procedures.states import Error, Input
-from homing_node.ros.setpoints import INTERFACES, PositionSetpoints, TrajectorySetpoints
+from homing_node.ros.setpoints import (
+    INTERFACES,
+    DofSetpoints,
+    MultiDOFCommand,
+    PositionSetpoints,
+    TrajectorySetpoints,
+)
 from homing_node.ros.timebase import TimeBase
 
 PERIOD, LEAD = 0.004, 0.008
+
+by_name = pytest.mark.skipif(MultiDOFCommand is None, reason='control_msgs is not installed')
 
 
 def checked(interface, serialized=True, **values):
@@ -33,9 +45,9 @@ def checked(interface, serialized=True, **values):
 
 
 class Cell:
-    """Two axes at 0.05 m and what publishes their setpoints."""
+    """Two axes at 0.05 m and what publishes their setpoints; ``node``: parameters of the node."""
 
-    def __init__(self, interface, serialized=True, **values):
+    def __init__(self, interface, serialized=True, node=None, **values):
         parameters = rig('HS', **values).parameters()
         lead = LEAD if interface is TrajectorySetpoints else 0.0
         self.axes = {name: Axis(name, parameters, PERIOD, lead) for name in 'xy'}
@@ -50,8 +62,9 @@ class Cell:
         self.timebase = TimeBase(lambda: round(self.now * 1e9))
         self.interface = interface
         self.setpoints = interface(
-            self.axes, checked(interface, serialized), self.timebase, self._create
+            self.axes, checked(interface, serialized, **(node or {})), self.timebase, self._create
         )
+        self.timebase.relate()
 
     def _create(self, kind, topic):
         self.created.append((kind, topic))
@@ -87,6 +100,7 @@ class Cell:
     [
         ('trajectory', (JointTrajectory, '~/setpoints')),
         ('position', (Float64MultiArray, '~/position_commands')),
+        pytest.param('dof', (MultiDOFCommand, '~/dof_commands'), marks=by_name),
     ],
 )
 def test_only_the_topic_of_the_interface_is_advertised(interface, created):
@@ -194,6 +208,89 @@ def test_no_array_without_the_feedback_of_each_axis():
     assert 'axis x' in refusal.message
 
 
+def test_no_array_with_an_old_position():
+    """It would be a step for an axis that has moved meanwhile."""
+    cell = Cell(PositionSetpoints)
+    cell.now += 0.15
+    cell.axes['y'].feedback(cell.now, 0.05)
+    cell.now += 0.15
+    cell.timebase.relate()
+    refusal = cell.setpoints.unready()
+    assert refusal.error is Error.FeedbackStale
+    assert refusal.message.startswith('axis x: the feedback is 0.300 s old')
+
+
+@pytest.fixture(params=[PositionSetpoints, pytest.param(DofSetpoints, marks=by_name)])
+def array(request):
+    """Return a cell whose controller has a joint more, in an order of its own."""
+    return Cell(request.param, node={'position_joints': ['y', 'other', 'joint_x']})
+
+
+def positions(cell):
+    message = cell.published[-1]
+    return list(message.data if isinstance(message, Float64MultiArray) else message.values)
+
+
+def test_the_array_has_the_order_and_the_length_of_the_controller(array):
+    array.setpoints.others['other'].feedback(0.7, array.now)
+    array.home('x')
+    for _ in range(20):
+        moving = array.cycle()
+    assert positions(array) == [0.05, 0.7, moving['x'][0]]
+    array.setpoints.others['other'].feedback(0.69, array.now)  # it sinks
+    array.cycle()
+    assert positions(array)[1] == 0.7
+
+
+def test_another_joint_is_held_where_it_is_when_a_run_begins(array):
+    for position in (0.7, 0.6):
+        array.setpoints.others['other'].feedback(position, array.now)
+        array.home('x')
+        array.cycle()
+        assert positions(array)[1] == position
+        array.axes['x'].stop(Error.SwitchStale, 'because')
+        while array.axes['x'].running:
+            array.cycle()
+        array.cycle()
+
+
+def test_no_run_without_the_feedback_of_another_joint(array):
+    refusal = array.setpoints.unready()
+    assert refusal.error is Error.FeedbackStale
+    assert refusal.message == "no feedback yet for joint 'other' (position_joints)"
+    array.setpoints.others['other'].feedback(0.7, array.now - 0.3)
+    assert "of joint 'other' (position_joints) is 0.300 s old" in array.setpoints.unready().message
+    array.setpoints.others['other'].feedback(0.7, array.now)
+    assert array.setpoints.unready() is None
+
+
+def test_all_joints_of_the_controller_are_told_to_stay(array):
+    held = {'joint_x': 1.0, 'y': 2.0, 'other': 3.0}
+    array.published.append(array.setpoints.hold(held))
+    assert positions(array) == [2.0, 3.0, 1.0]
+
+
+@by_name
+def test_a_position_and_a_velocity_by_name():
+    cell = Cell(DofSetpoints)
+    cell.home('x')
+    for _ in range(20):
+        moving = cell.cycle()
+    message = cell.published[-1]
+    assert message.dof_names == ['joint_x', 'y']
+    assert list(message.values) == [moving['x'][0], 0.05]
+    assert list(message.values_dot) == [moving['x'][1], 0.0]
+    assert message.values_dot[0] > 0.0
+    again = deserialize_message(serialize_message(message), MultiDOFCommand)
+    assert again == message
+
+
+def test_without_control_msgs_a_command_by_name_is_refused(monkeypatch):
+    monkeypatch.setattr('homing_node.ros.setpoints.MultiDOFCommand', None)
+    with pytest.raises(InvalidParameters, match='setpoint_interface: dof needs the package contr'):
+        Cell(DofSetpoints)
+
+
 def servo_service(axis, on):
     axis.set_servo(on)
 
@@ -279,3 +376,104 @@ def test_an_axis_that_rested_before_its_run():
     cell.cycle()
     assert cell.axes['y'].running
     assert cell.commands()[0] == cell.places['x'] > 0.06
+
+
+# -- the servo goes off while the axis moves ------------------------------------------------------
+
+
+class Played:
+    """A cell whose trajectories go to the model of joint_trajectory_controller at 500 Hz."""
+
+    RATE = 500
+
+    def __init__(self, speed):
+        self.cell = Cell(
+            TrajectorySetpoints,
+            homing_velocity_fast=speed,
+            switches=(Input.HOME_SWITCH, Input.SERVO_ENABLED),
+        )
+        self.controller = TrajectoryController(['joint_x', 'y'], self.RATE)
+        self.controller.activate([0.05, 0.05])
+        self.commands = []  # of joint_x
+
+    def cycle(self, position):
+        """Run a cycle and the two updates of the controller after it; return the last command."""
+        cell, count = self.cell, len(self.cell.published)
+        cell.cycle(x=position)
+        now = round(cell.now * NS)
+        if len(cell.published) > count:
+            read = deserialize_message(cell.published[-1], JointTrajectory)
+            stamp = read.header.stamp
+            points = [
+                Point(
+                    p.time_from_start.sec * NS + p.time_from_start.nanosec,
+                    tuple(p.positions),
+                    tuple(p.velocities),
+                    tuple(p.accelerations),
+                )
+                for p in read.points
+            ]
+            told = Message(stamp.sec * NS + stamp.nanosec, tuple(read.joint_names), tuple(points))
+            assert self.controller.receive(told, now), self.controller.refused
+        for update in range(2):
+            command = self.controller.update(now + update * NS // self.RATE, [0.05, 0.05])
+            if command is not None:
+                self.commands.append(command.positions[0])
+        return self.commands[-1]
+
+
+@pytest.mark.parametrize('switch', [servo_service, drive])
+@pytest.mark.parametrize('behind', [0.0, 0.002], ids=['follows', 'blocked'])
+@pytest.mark.parametrize('speed', [0.05, 0.5])
+def test_when_the_servo_goes_off_the_controller_ends_where_the_axis_is(speed, behind, switch):
+    """Not where the stop would have ended that it was told: that is 2.6 mm, or 0.15 m, further."""
+    played = Played(speed)
+    played.cell.home('x')
+    axis = played.cell.axes['x']
+    place = 0.05
+    at_speed = 0
+    while at_speed < 5:
+        place = played.cycle(place) - behind
+        at_speed += axis.profile.done and axis.profile.velocity == speed
+    switch(axis, False)
+    count = len(played.cell.published)
+    for _ in range(60):
+        played.cycle(place)
+    assert axis.outcome.error is Error.ServoOff
+    assert len(played.cell.published) == count + 1
+    first = deserialize_message(played.cell.published[-1], JointTrajectory).points[0]
+    assert first.velocities[0] == pytest.approx(speed)
+    steps = [b - a for a, b in pairwise(played.commands)]
+    assert max(map(abs, steps)) <= 1.01 * (speed + behind / 0.02) / Played.RATE
+    bends = [b - a for a, b in pairwise(steps)]
+    assert max(map(abs, bends)) <= 1.01 * max(5.0, speed / 0.02) / Played.RATE**2
+    assert played.commands[-50:] == [pytest.approx(place, abs=1e-9)] * 50  # within 0.14 s
+
+
+def test_the_controller_keeps_its_stop_where_the_axis_is_not_known():
+    played = Played(0.05)
+    played.cell.home('x')
+    axis, place = played.cell.axes['x'], 0.05
+    for _ in range(100):
+        place = played.cycle(place)
+    count = len(played.cell.published)
+    played.cell.now += 0.3  # no feedback
+    axis.set_servo(False)
+    axis.update(played.cell.now)
+    assert played.cell.setpoints.message({}, played.cell.now) is None
+    assert len(played.cell.published) == count
+
+
+def test_the_last_positions_are_where_the_axis_is():
+    """A forward controller holds its last value: no jump where the servo comes back."""
+    cell = Cell(PositionSetpoints, switches=(Input.HOME_SWITCH, Input.SERVO_ENABLED))
+    cell.home('x')
+    for _ in range(100):
+        moving = cell.cycle()
+    blocked = moving['x'][0] - 0.003
+    cell.axes['x'].enable(False)
+    count = len(cell.published)
+    for _ in range(3):
+        cell.cycle(x=blocked)
+    assert len(cell.published) == count + 1
+    assert cell.commands() == [blocked, 0.05]

@@ -36,6 +36,8 @@ class Axis(AxisStatus):
         period: the time between two updates, s.
         lead: how long before its time a setpoint is told, s.
         profile: the command.
+        returning: the servo went off in the last update: the command goes to where the axis is,
+            which the controller must be told once.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class Axis(AxisStatus):
         self._settling = Settling(lead)
         self._rest: Rest | None = None
         self._moved = False
+        self.returning = False
         self.configure(parameters)
 
     def configure(self, parameters: AxisParameters) -> None:
@@ -151,7 +154,7 @@ class Axis(AxisStatus):
         if refusal is not None:
             return refusal
         self.profile.reset(self._start_command())
-        self.homed = False
+        self.homed = self.returning = False
         self.outcome = Outcome(Error.NoError)
         self._edges = EdgeQueue(self.parameters)
         self._settling.restart()
@@ -237,6 +240,9 @@ class Axis(AxisStatus):
     def update(self, now: float) -> Setpoint | None:
         """Advance by one period; return the setpoint if a run moves the axis."""
         readings = self.readings
+        if self.returning:
+            self.returning = False
+            self.profile.reset(readings.track.position)
         readings.moving = self.profile.velocity != 0.0
         if readings.unsettled:
             for edge in readings.settle(now):
@@ -328,19 +334,18 @@ class Axis(AxisStatus):
         """End the run as soon as the feedback has settled after the command."""
         machine = self.machine
         assert machine is not None
-        arrived = self.profile.arrived
-        if self._moved:
+        p, readings, ending = self.parameters, self.readings, machine.ending
+        arrived, told = self.profile.arrived, self._moved and not ending.silent
+        if told:
             self.profile.update()
-        p, readings = self.parameters, self.readings
         behind = self.profile.position - readings.track.position
         followed = not self._moved or abs(behind) <= p.settling_tolerance
-        failed = machine.ending.error is not Error.NoError
+        failed = ending.error is not Error.NoError
         settled = self._settling.over(
             now, readings.track, p.homing_velocity_slow, followed or failed
         )
-        watched = self._moved and not machine.ending.silent and readings.feedback_is_fresh(now)
-        on_its_way = self._moved and not machine.ending.silent and not arrived
-        if on_its_way or (watched and not settled):
+        watched = told and readings.feedback_is_fresh(now)
+        if (told and not arrived) or (watched and not settled):
             return self._setpoint(now)
         if not (followed or failed):
             machine.fail(jammed(behind, p.settling_tolerance))
@@ -349,11 +354,26 @@ class Axis(AxisStatus):
         self._end(outcome_of(machine, self.name, readings.finest))
         if watched:
             readings.settled = readings.track.time
-        ending, rest = machine.ending, Rest(self._sign * self.profile.position, self.raw_position)
+        rest = Rest(self._sign * self.profile.position, self.raw_position)
         if ending.servo_off:
             self.servo_on = False
         self._rest = None if ending.silent or ending.servo_off else rest
-        return self._setpoint(now) if self._moved and not machine.ending.silent else None
+        if ending.silent:
+            self._end_silently(now)
+        return self._setpoint(now) if told else None
+
+    def _end_silently(self, now: float) -> None:
+        """Let the command go to where the axis is, if the servo is off; else stay as it was told.
+
+        A controller that plays the stop that it was told last would end far from the axis.
+        """
+        readings = self.readings
+        self.returning = self._moved and not self.powered and readings.feedback_is_fresh(now)
+        if self.returning:
+            self.profile.update()
+            self.profile.come_back(readings.track.position)
+        else:
+            self.profile.freeze()
 
     def _lose_servo(self, text: str, action: Action) -> None:
         """End a run, and forget the home if the parameters say so, because the servo is off."""

@@ -13,7 +13,8 @@ class Ending:
         error: why the run has ended; NoError while it goes on.
         message: the error in words.
         stopping: whether the axis stops for the error.
-        silent: no setpoint may follow, because the servo is off.
+        silent: no setpoint may follow, because the servo is off or the feedback is lost; the run
+            ends at once.
         servo_off: the servo is to be switched off once the axis is at rest.
     """
 
@@ -44,7 +45,6 @@ class Ending:
         """Stop as an action says, unless the stop that is under way is as hard."""
         self.servo_off = self.servo_off or action.servo_off
         if action.deceleration is None:
-            self._profile.freeze()
             self.silent = True
         elif action.deceleration > self._deceleration:
             self._deceleration = action.deceleration

@@ -241,7 +241,7 @@ class Machine:
         if self.finished or self.paused:
             return
         if self.ending.stopping:
-            self.finished = self.profile.done
+            self.finished = self.profile.done or self.ending.silent
             return
         movement = self.movement
         movement.follow(feedback)

@@ -26,6 +26,11 @@ TINY = 1e-12
 #: jerk smaller by this part leaves that point.
 OFF_THE_POINT = 1e-6
 ATTEMPTS = 5
+#: A command whose drive is off goes back to where the axis is: it brakes within this time, s.
+BACK = 0.02
+#: A pause of single setpoints up to this long is a late setpoint; after a longer one the axis has
+#: stood still, s.
+STOOD_STILL = 0.01
 
 
 class Dynamics(NamedTuple):
@@ -175,6 +180,18 @@ class Profile:
         begin = self._time - self.lead
         self._rest(begin, self.present)
 
+    def come_back(self, position: float) -> None:
+        """Go to where the axis is, quickly and without a step, because its drive is off.
+
+        The limits do not hold: should the drive come back on, the command must be there.
+        """
+        speed, distance = abs(self.velocity), abs(self.position - position)
+        limit = max(*self.dynamics[1:], speed / BACK)
+        fastest = max(speed, distance / BACK, self.dynamics.velocity)
+        self._order = None
+        back = Phase(self.dynamics, limit, limit, fastest, position)
+        self._plan(back, jerk=max(self._max_jerk, 4.0 * limit / BACK))
+
     def stopping_position(self, deceleration: float) -> float:
         """Return where a stop that begins now would end."""
         state = self.position, self.velocity, self.acceleration
@@ -236,19 +253,22 @@ class Profile:
     def skip(self, elapsed: float) -> None:
         """Let a time pass in which there was no cycle: the controller followed what it was told.
 
-        A controller that is told single setpoints stood still meanwhile, and so does the plan.
+        A controller that is told single setpoints stood still meanwhile. The plan goes on where it
+        was: from rest, unless the pause was so short that the axis has hardly slowed down.
         """
-        told = self._announced
+        told, order = self._announced, self._order
         if told is None:
-            return
-        time = self._time + elapsed
-        if not told or time <= told[0].time:
+            if elapsed <= STOOD_STILL:
+                return
+            self._rest(self._time, self.position)
+        else:
+            time = self._time + elapsed
+            if not told or time <= told[0].time:
+                self._go_to(time)
+                return
+            self._pieces = until(self._pieces, told[0].time) + told
+            self._changes = []
             self._go_to(time)
-            return
-        order = self._order
-        self._pieces = until(self._pieces, told[0].time) + told
-        self._changes = []
-        self._go_to(time)
         if order is None:
             return
         if order.position is None:
@@ -277,15 +297,15 @@ class Profile:
         while self._changes and time >= self._changes[0][0] - SAME_TIME:
             _, self.dynamics = self._changes.pop(0)
 
-    def _plan(self, *phases: Phase) -> None:
-        """Replace the plan from the newest command on."""
+    def _plan(self, *phases: Phase, jerk: float = 0.0) -> None:
+        """Replace the plan from the newest command on; ``jerk`` 0: that of the axis."""
         time = self._time
         state = self.position, self.velocity, self.acceleration
         pieces, changes = until(self._pieces, time), []
         try:
             for phase in phases:
                 changes.append((time, phase.dynamics))
-                *stretch, last = self._solve(time, state, phase)
+                *stretch, last = self._solve(time, state, phase, jerk)
                 pieces += stretch
                 time, *state_then = last
                 state = state_then[0], state_then[1], state_then[2]
@@ -296,7 +316,9 @@ class Profile:
         self._pieces, self._changes = [*pieces, last], changes
         self._go_to(self._time)
 
-    def _solve(self, time: float, state: State, phase: Phase) -> Iterator[Piece]:
+    def _solve(
+        self, time: float, state: State, phase: Phase, jerk: float = 0.0
+    ) -> Iterator[Piece]:
         """Yield the pieces of a phase; the last one goes on at its target."""
         inp, trajectory = InputParameter(1), Trajectory(1)
         position, velocity, acceleration = state
@@ -310,7 +332,7 @@ class Profile:
         else:
             inp.target_position = [phase.position]
             inp.max_velocity = [phase.velocity]
-        jerk = self._max_jerk
+        jerk = jerk or self._max_jerk
         for attempt in range(ATTEMPTS):
             inp.max_jerk = [jerk]
             try:

@@ -278,26 +278,10 @@ def _tolerance(
 
 def _position(node: str, given: Mapping[str, Any], setpoints: Setpoints) -> Iterator[Finding]:
     """Judge a forward_command_controller."""
-    joints, ours = _joints(given, 'position'), list(setpoints.joints)
-    if joints != ours:
-        same = sorted(joints) == sorted(ours)
-        why = 'values go by their place: each would go to the joint of another'
-        if not same:
-            why = (
-                'a message of another length switches the controller off'
-                if len(joints) != len(ours)
-                else 'values go by their place: a joint would get the position of another'
-            )
-        yield Finding(
-            Severity.error,
-            '',
-            'controller-joints',
-            f'{node} has the joints {_listed(joints)}, the position commands are for '
-            f'{_listed(ours)}',
-            why,
-            'position_joints',
-            right=_listed(joints) if set(ours) <= set(joints) else None,
-        )
+    joints = _joints(given, 'position')
+    yield from _array(
+        node, joints, setpoints, 'a message of another length switches the controller off'
+    )
     interfaces = given.get('interface_names') or given.get('interface_name')
     names = [interfaces] if isinstance(interfaces, str) else list(interfaces or ())
     if names and names != ['position']:
@@ -311,6 +295,53 @@ def _position(node: str, given: Mapping[str, Any], setpoints: Setpoints) -> Iter
             ', '.join(names),
             'position',
         )
+    yield from _without_plan(node, given, setpoints)
+
+
+def _dof(node: str, given: Mapping[str, Any], setpoints: Setpoints) -> Iterator[Finding]:
+    """Judge a controller that takes control_msgs/MultiDOFCommand, such as pid_controller."""
+    names = [str(name) for name in given.get('reference_and_state_dof_names') or ()]
+    names = names or _joints(given, 'dof')
+    yield from _array(node, names, setpoints, 'it ignores a message of another length')
+    references = [str(name) for name in given.get('reference_and_state_interfaces') or ()]
+    if references and references[0] != 'position':
+        yield Finding(
+            Severity.error,
+            '',
+            'command-interfaces',
+            f'{node} takes the values for {references[0]} (reference_and_state_interfaces)',
+            'the setpoints are positions, and their velocities',
+            'reference_and_state_interfaces',
+            _listed(references),
+            '[position, velocity]',
+        )
+    yield from _without_plan(node, given, setpoints)
+
+
+def _array(
+    node: str, joints: Sequence[str], setpoints: Setpoints, length: str
+) -> Iterator[Finding]:
+    """Judge the joints of a controller that takes values by their place, whatever their names."""
+    ours = list(setpoints.joints)
+    if list(joints) == ours:
+        return
+    why = 'values go by their place: each would go to the joint of another'
+    if sorted(joints) != sorted(ours):
+        other = 'values go by their place: a joint would get the position of another'
+        why = length if len(joints) != len(ours) else other
+    yield Finding(
+        Severity.error,
+        '',
+        'controller-joints',
+        f'{node} has the joints {_listed(joints)}, the position commands are for {_listed(ours)}',
+        why,
+        'position_joints',
+        right=_listed(joints) if set(setpoints.axes) <= set(joints) else None,
+    )
+
+
+def _without_plan(node: str, given: Mapping[str, Any], setpoints: Setpoints) -> Iterator[Finding]:
+    """Judge a controller that is told one position at a time."""
     yield Finding(
         Severity.info,
         '',
@@ -331,19 +362,4 @@ def _position(node: str, given: Mapping[str, Any], setpoints: Setpoints) -> Iter
             setpoints.rate,
             rate,
             'Hz',
-        )
-
-
-def _dof(node: str, given: Mapping[str, Any], setpoints: Setpoints) -> Iterator[Finding]:
-    """Judge a controller that takes control_msgs/MultiDOFCommand, such as pid_controller."""
-    names = given.get('reference_and_state_dof_names') or _joints(given, 'dof')
-    if sorted(names) != sorted(setpoints.joints):
-        yield Finding(
-            Severity.error,
-            '',
-            'controller-joints',
-            f'{node} has the joints {_listed(list(names))}, the setpoints have '
-            f'{_listed(list(setpoints.joints))}',
-            'it ignores a message that does not name all of its joints and no other',
-            'dof_names',
         )

@@ -31,9 +31,9 @@ class Endpoint(NamedTuple):
 class Setpoints(NamedTuple):
     """The setpoints of a homing node.
 
-    ``interface`` is the value of `setpoint_interface`, ``joints`` the joints in the order of the
-    position array, ``axes`` the name and the parameters of the axis of each homed joint, ``rate``
-    the rate of the messages in Hz.
+    ``interface`` is the value of `setpoint_interface`, ``joints`` are those of an array of
+    positions in its order (`position_joints`), ``axes`` the name and the parameters of the axis of
+    each homed joint, ``rate`` is the rate of the messages in Hz.
     """
 
     topic: str

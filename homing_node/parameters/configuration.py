@@ -26,6 +26,8 @@ RESERVED = frozenset(
         'cancel',
         'setpoints',
         'position_commands',
+        'position_joints',
+        'dof_commands',
         'joint_states',
         'emergency_stop',
         'axes',
@@ -58,6 +60,7 @@ class SetpointInterface(TextEnum):
 
     trajectory = 'trajectory'
     position = 'position'
+    dof = 'dof'
 
 
 class SetpointStamp(TextEnum):
@@ -91,10 +94,17 @@ NODE_DEFINITIONS: Mapping[str, Definition] = table(
         default=5.0,
     ),
     Definition(
-        'how setpoints are published: ~/setpoints or ~/position_commands',
+        'how setpoints are published: ~/setpoints, ~/position_commands or ~/dof_commands',
         SetpointInterface,
         name='setpoint_interface',
         default=SetpointInterface.trajectory,
+    ),
+    Definition(
+        'the joints of ~/position_commands and ~/dof_commands, in the order of the controller '
+        '(empty: those of the axes)',
+        list,
+        name='position_joints',
+        default=[],
     ),
     Definition(
         'how far ahead ~/setpoints tells the plan, before a stop to rest',
@@ -174,7 +184,10 @@ AXIS_DEFINITIONS: Mapping[str, Definition] = {**DEFINITIONS, **TOPIC_DEFINITIONS
 
 
 class Configuration(NamedTuple):
-    """A checked configuration: the parameters of the node and of each axis, in their order."""
+    """A checked configuration: the parameters of the node and of each axis, in their order.
+
+    ``position_joints`` are the joints of an array of positions, those of the axes by default.
+    """
 
     axes: Mapping[str, AxisParameters]
     topics: Mapping[str, Mapping[Input, str]]
@@ -182,6 +195,7 @@ class Configuration(NamedTuple):
     cycle_timeout: float
     ready_timeout: float
     setpoint_interface: SetpointInterface
+    position_joints: tuple[str, ...]
     serialized: bool
     setpoint_horizon: float
     setpoint_lead: float
@@ -232,6 +246,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
     faults += _bad_common(values)
     faults += _unknown(values, names)
     faults += _shared_joints(axes)
+    faults += _bad_position_joints(node.get('position_joints', []), axes)
     try:
         sequence = home_sequence(node.get('home_sequence', []), names)
     except ValueError as error:
@@ -245,6 +260,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         node['cycle_timeout'],
         node['ready_timeout'],
         node['setpoint_interface'],
+        tuple(node['position_joints'] or (p.joint or axis for axis, p in axes.items())),
         node['serialized'],
         node['setpoint_horizon'],
         node['setpoint_lead'],
@@ -356,4 +372,23 @@ def _shared_joints(axes: Mapping[str, AxisParameters]) -> list[str]:
         if joint in owner:
             faults.append(f'{axis}.joint: {joint!r} is already the joint of axis {owner[joint]}')
         owner.setdefault(joint, axis)
+    return faults
+
+
+def _bad_position_joints(joints: list[str], axes: Mapping[str, AxisParameters]) -> list[str]:
+    """Return what is wrong with the joints of a position array; [] means those of the axes."""
+    faults = [
+        f'position_joints: {joint!r} stands there twice'
+        for joint in dict.fromkeys(joints)
+        if joints.count(joint) > 1
+    ]
+    if '' in joints:
+        faults.append('position_joints: a joint has no name')
+    for axis, parameters in axes.items():
+        joint = parameters.joint or axis
+        if joints and joint not in joints:
+            faults.append(
+                f'position_joints: {joint!r}, the joint of axis {axis}, is missing in '
+                f'{", ".join(joints)}'
+            )
     return faults

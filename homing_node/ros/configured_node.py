@@ -31,6 +31,7 @@ FIXED = (
     'axes',
     'update_rate',
     'setpoint_interface',
+    'position_joints',
     'setpoint_horizon',
     'setpoint_lead',
     'setpoint_stamp',

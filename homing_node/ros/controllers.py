@@ -248,7 +248,7 @@ class Controllers:
         setpoints = self._setpoints()
         unread = [one.name for one in self._listeners.values() if not one.read]
         # A recorder that comes later holds nobody up, unless a wrong order would be a jump.
-        if unread and (setpoints.interface == 'position' or len(unread) == len(self._listeners)):
+        if unread and (setpoints.interface != 'trajectory' or len(unread) == len(self._listeners)):
             text = f'the parameters of {", ".join(unread)} are not read yet'
             return Verdict(missing=(_no_controller(text),))
         known = [

@@ -109,7 +109,7 @@ class Doctor:
         if values is None:
             raise NoSuchNode(self.target, [self.target])
         checked = configuration(values)
-        setpoints = self._setpoints(checked, values)
+        setpoints = self._setpoints(checked)
         feedback = self._subscribed_of_type('sensor_msgs/msg/JointState')
         inputs = self._inputs(checked)
         until = time.monotonic() + listen
@@ -175,7 +175,7 @@ class Doctor:
         reading.close()
         return reading.values
 
-    def _setpoints(self, checked: Configuration, values: Mapping[str, Any]) -> Setpoints:
+    def _setpoints(self, checked: Configuration) -> Setpoints:
         interface = str(checked.setpoint_interface)
         kind = graph.SETPOINT_TYPES[interface]
         name, namespace = graph.split_name(self.target)
@@ -187,12 +187,10 @@ class Doctor:
             return bool(topics)
 
         self._until(found, PATIENCE)
-        joints = tuple(checked.joints.values())
-        own = 'setpoints' if interface == 'trajectory' else 'position_commands'
         return Setpoints(
-            topics[0] if topics else f'{self.target}/{own}',
+            topics[0] if topics else f'{self.target}/{graph.SETPOINT_TOPICS[interface]}',
             interface,
-            tuple(values.get('position_joints') or joints) if interface == 'position' else joints,
+            checked.position_joints,
             {checked.joints[axis]: (axis, p) for axis, p in checked.axes.items()},
             checked.update_rate,
         )

@@ -14,6 +14,12 @@ SETPOINT_TYPES = {
     'position': 'std_msgs/msg/Float64MultiArray',
     'dof': 'control_msgs/msg/MultiDOFCommand',
 }
+#: The topic of the setpoints, below the node's name.
+SETPOINT_TOPICS = {
+    'trajectory': 'setpoints',
+    'position': 'position_commands',
+    'dof': 'dof_commands',
+}
 
 
 def full_name(namespace: str, name: str) -> str:

@@ -13,6 +13,7 @@ from std_msgs.msg import Bool, Float64
 
 from ..core.axis import Axis
 from ..core.outcome import Outcome
+from ..core.position_array import OtherJoint
 from ..core.stamps import REORDERED, Stamps, too_late
 from ..parameters.definition import InvalidParameters
 from ..parameters.wiring import Place, Wiring
@@ -59,11 +60,17 @@ class JointList:
 
     ``groups``: the axes with the same ``feedback_timeout`` and ``feedback_clock``, each with its
     place in the list; they judge a stamp alike. ``known``: the stamps that each axis last judged
-    by.
+    by. ``others``: joints that no axis homes, with their places.
     """
 
-    def __init__(self, places: Sequence[tuple[int, Axis]], known: dict[str, Stamps]) -> None:
+    def __init__(
+        self,
+        places: Sequence[tuple[int, Axis]],
+        known: dict[str, Stamps],
+        others: Sequence[tuple[int, OtherJoint]] = (),
+    ) -> None:
         self._places, self._known = places, known
+        self.others = others
         self.groups: list[tuple[Stamps, list[tuple[int, Axis]]]] = []
         self.regroup()
 
@@ -88,6 +95,10 @@ class Inputs:
     ``feedback_qos`` is the QoS of `joint_states`; ``destroy`` undoes ``subscribe``.
     ``late_cycle(late)`` returns the message of CycleLate if a cycle so late (s) ends a run, else
     ''. ``serialized``: read joint states from their bytes (serialized.py).
+
+    Attributes:
+        others: the joints that no axis homes and whose feedback is wanted, by name; set before the
+            first poll.
     """
 
     def __init__(
@@ -105,6 +116,7 @@ class Inputs:
         self._clock = clock
         self._subscribe, self._destroy = subscribe, destroy
         self._late_cycle = late_cycle
+        self.others: Mapping[str, OtherJoint] = {}
         self._by_joint = {joint: axes[axis] for axis, joint in joints.items()}
         self._lists: dict[tuple[str, ...], JointList] = {}  # by the names of a message
         self._names: tuple[str, ...] = ()  # of the last message, and their list
@@ -295,6 +307,9 @@ class Inputs:
         if names is not self._names:
             self._names, self._list = names, self._list_of(names)
         known = len(positions)
+        for place, joint in self._list.others:
+            if place < known and isfinite(positions[place]):
+                joint.feedback(positions[place], arrival)
         for stamps, places in self._list.groups:
             # Simulated time has one clock.
             found = stamps.believe(
@@ -329,5 +344,10 @@ class Inputs:
                 if name in self._by_joint
             ],
             self._feedback_stamps,
+            [
+                (place, self.others[name])
+                for place, name in enumerate(names)
+                if name in self.others
+            ],
         )
         return joints

@@ -2,15 +2,16 @@
 """Holds the axes before a run, to see that position commands reach the joints that they are for.
 
 Values of a position array go by their place. Where the joints of the controller cannot be read, a
-run must not begin with a motion: every axis is told to stay where its feedback says it is, until
+run must not begin with a motion: every joint is told to stay where its feedback says it is, until
 the feedback has agreed for 0.2 s.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from math import ceil
 
 from ..core.axis import Axis
 from ..core.outcome import Outcome
+from ..core.position_array import Slot
 from ..procedures.states import Error
 
 #: How long the feedback must agree, s.
@@ -22,13 +23,13 @@ MOVED = 0.01
 
 
 class JointOrder:
-    """Whether the axes stay where they are told to; the cycle and the executor hold the lock."""
+    """Whether the joints stay where they are told to; the cycle and the executor hold the lock."""
 
-    def __init__(self, axes: Mapping[str, Axis], period: float) -> None:
-        self._axes = axes
+    def __init__(self, slots: Sequence[Slot], period: float) -> None:
+        self._slots = slots
         self._needed, self._valid = ceil(AGREED / period), ceil(VALID / period)
-        self.held: dict[str, float] = {}  # the command of each axis while all are held
-        self._begun: dict[str, float] = {}  # the feedback of each axis then; empty: not wanted
+        self.held: dict[str, float] = {}  # the command of each joint while all are held
+        self._begun: dict[str, float] = {}  # the feedback of each joint then; empty: not wanted
         self._cycles = 0
         self._failed = ''
         self._ran = False  # a run was on in the last cycle
@@ -42,8 +43,8 @@ class JointOrder:
     def missing(self) -> Outcome | None:
         """What a run still waits for; asking begins to hold the axes."""
         if not self._begun:
-            self._begun = {name: _raw(axis) for name, axis in self._axes.items()}
-            self.held = {name: axis.hold_position for name, axis in self._axes.items()}
+            self._begun = self._feedback()
+            self.held = {slot.joint: slot.held.hold_position for slot in self._slots}
             self._cycles = 0
         if self._cycles >= self._needed:
             return None
@@ -61,7 +62,7 @@ class JointOrder:
             self._cycles, self._ran = self._needed, True
             return False
         if self._ran:  # the next group of a sequence need not be held again
-            self._begun, self._ran = {name: _raw(axis) for name, axis in self._axes.items()}, False
+            self._begun, self._ran = self._feedback(), False
         if self._cycles > self._needed + self._valid:
             self._begun, self._failed = {}, ''
             return False
@@ -71,17 +72,24 @@ class JointOrder:
                 self._cycles = self._needed
         return not self._failed and self._cycles <= self._needed
 
+    def _feedback(self) -> dict[str, float]:
+        return {slot.joint: slot.held.raw_position for slot in self._slots}
+
     def _moved(self) -> str:
-        for name, axis in self._axes.items():
-            by = abs(_raw(axis) - self._begun[name])
-            if by > min(MOVED * axis.parameters.travel, axis.parameters.following_error_limit):
+        """Return which joint has left its place, '' if none has."""
+        limits = {slot.joint: _limit(slot.held) for slot in self._slots if slot.axis}
+        least = min(limits.values())
+        for joint, axis, held in self._slots:
+            by = abs(held.raw_position - self._begun[joint])
+            if by > limits.get(joint, least):
                 return (
-                    f'axis {name} moved by {by:.3g} when all axes were told to stay: are the '
-                    f'joints of the controller in the order {", ".join(self._axes)}?'
+                    f'{f"axis {axis}" if axis else f"joint {joint}"} moved by {by:.3g} when all '
+                    'were told to stay: are the joints of the controller in the order '
+                    f'{", ".join(slot.joint for slot in self._slots)}?'
                 )
         return ''
 
 
-def _raw(axis: Axis) -> float:
-    """Return the newest feedback of an axis in raw coordinates."""
-    return axis.position + (axis.outcome.home_offset if axis.homed else 0.0)
+def _limit(axis: Axis) -> float:
+    """Return by how much an axis may move while it is held."""
+    return min(MOVED * axis.parameters.travel, axis.parameters.following_error_limit)

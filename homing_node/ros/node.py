@@ -104,11 +104,15 @@ class HomingNode(ConfiguredNode):
         self._setpoints = INTERFACES[checked.setpoint_interface](
             self._axes, checked, self._timebase, self._create_setpoints
         )
+        self._inputs.others = self._setpoints.others
         self._controllers = Controllers(
             self, self._setpoint_publisher, self._describe_setpoints, self._any_run, self._lose
         )
-        by_place = isinstance(self._setpoints, PositionSetpoints)
-        self._order = JointOrder(self._axes, period) if by_place else None
+        self._order = (
+            JointOrder(self._setpoints.array.slots, period)
+            if isinstance(self._setpoints, PositionSetpoints)
+            else None
+        )
         readiness = Readiness(
             lambda: self.faults,
             self._inputs,
@@ -163,7 +167,7 @@ class HomingNode(ConfiguredNode):
         return facts.Setpoints(
             self._setpoint_publisher.topic_name,
             str(self.configuration.setpoint_interface),
-            tuple(self._joints.values()),
+            self.configuration.position_joints,
             {self._joints[name]: (name, axis.parameters) for name, axis in axes},
             self.configuration.update_rate,
         )

@@ -6,7 +6,7 @@ A new interface is one more class here, its name in `SetpointInterface`
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from std_msgs.msg import Float64MultiArray
@@ -15,10 +15,16 @@ from trajectory_msgs.msg import JointTrajectory
 from ..core.announcement import announcement, least_horizon
 from ..core.axis import Axis, Setpoint
 from ..core.outcome import Outcome
+from ..core.position_array import OtherJoint, PositionArray
 from ..parameters.configuration import Configuration, SetpointInterface, SetpointStamp
-from ..procedures.states import Error
+from ..parameters.definition import InvalidParameters
 from .serialized import PlainTrajectoryWriter, TrajectoryWriter
 from .timebase import Stamps, TimeBase
+
+try:
+    from control_msgs.msg import MultiDOFCommand
+except ImportError:  # only `dof` needs it
+    MultiDOFCommand = None
 
 #: (message type, topic) -> a publisher.
 CreatePublisher = Callable[[Any, str], Any]
@@ -28,7 +34,13 @@ class Setpoints(Protocol):
     """Publishes the setpoints of the axes through one interface.
 
     The cycle calls `message` while the axes are locked and `publish` when they no longer are.
+
+    Attributes:
+        others: The joints that the messages command and no axis homes, by name; they need their
+            feedback.
     """
+
+    others: Mapping[str, OtherJoint]
 
     def message(self, moving: Mapping[str, Setpoint], due: float) -> Any:
         """Return the message of this cycle, None if there is nothing to publish.
@@ -51,6 +63,8 @@ class TrajectorySetpoints:
     The plan from the present up to `setpoint_horizon`, and a stop to rest after it
     (core/announcement.py).
     """
+
+    others: Mapping[str, OtherJoint] = {}
 
     def __init__(
         self,
@@ -77,17 +91,18 @@ class TrajectorySetpoints:
         self._publisher = create_publisher(JointTrajectory, '~/setpoints')
 
     def message(self, moving: Mapping[str, Setpoint], due: float) -> Any:
-        """Return a trajectory of the axes that move."""
-        if not moving:
+        """Return a trajectory of the axes that move, and of one whose servo has just gone off."""
+        names = [name for name, axis in self._axes.items() if name in moving or axis.returning]
+        if not names:
             return None
-        courses = [self._axes[name].course(self._horizon) for name in moving]
+        courses = [self._axes[name].course(self._horizon) for name in names]
         times, rows = announcement(courses, self._period, self._horizon)
         first = stamp = 0
         if self._stamped:
             first = times[0]
             stamp = self._stamps.stamp_of(due) + first
             times = [time - first for time in times]
-        return self._writer.write([self._joints[name] for name in moving], stamp, times, rows)
+        return self._writer.write([self._joints[name] for name in names], stamp, times, rows)
 
     def publish(self, message: Any) -> None:
         """Publish a trajectory."""
@@ -99,13 +114,12 @@ class TrajectorySetpoints:
 
 
 class PositionSetpoints:
-    """`position`: publishes one position for each axis, on `~/position_commands`.
+    """`position`: one position for each joint of `position_joints`, on `~/position_commands`.
 
-    The array also commands the axes that rest. The command of an axis at rest is fixed when it is
-    first published, for a command that followed the feedback would let the axis sink. It is
-    forgotten when a run of the axis ends or its servo is off: then the array holds the axis where
-    it is.
+    Which position each joint gets stands in core/position_array.py.
     """
+
+    topic = '~/position_commands'
 
     def __init__(
         self,
@@ -115,50 +129,75 @@ class PositionSetpoints:
         create_publisher: CreatePublisher,
     ) -> None:
         """Create the publisher; the arguments are those of `TrajectorySetpoints`."""
-        self._axes = axes
-        self._publisher = create_publisher(Float64MultiArray, '~/position_commands')
-        self._held: dict[str, float] = {}  # the fixed commands of the axes at rest
+        axis_of = {joint: axis for axis, joint in checked.joints.items()}
+        self.array = PositionArray(axes, axis_of, checked.position_joints)
+        self.others: Mapping[str, OtherJoint] = self.array.others
+        self._timebase = timebase
+        self._publisher = create_publisher(self._message_type(), self.topic)
 
     def message(self, moving: Mapping[str, Setpoint], due: float) -> Any:
-        """Return the position of each axis, in the order of `axes`, while a run is on."""
-        for name, axis in self._axes.items():
-            if name in moving or not axis.powered:
-                self._held.pop(name, None)
-        if moving:
-            return Float64MultiArray(
-                data=[
-                    float(moving[name][0] if name in moving else self._held_position(axis))
-                    for name, axis in self._axes.items()
-                ]
-            )
-        if not any(axis.running for axis in self._axes.values()):
-            self._held.clear()
-        return None
+        """Return the position of each joint while a run is on."""
+        commands = self.array.commands(moving)
+        return None if commands is None else self._message(commands)
 
     def hold(self, positions: Mapping[str, float]) -> Any:
-        """Return the array that tells every axis to stay at a raw position."""
-        return Float64MultiArray(data=[float(positions[name]) for name in self._axes])
+        """Return the message that tells every joint to stay at a raw position."""
+        return self._message([(positions[slot.joint], 0.0) for slot in self.array.slots])
 
     def publish(self, message: Any) -> None:
-        """Publish an array of positions."""
+        """Publish positions."""
         self._publisher.publish(message)
 
     def unready(self) -> Outcome | None:
-        """Return which axis has no feedback yet: the array has a position of each axis."""
-        for axis in self._axes.values():
-            if not axis.readings.known:
-                return Outcome(Error.FeedbackStale, f'axis {axis.name}: no feedback yet')
-        return None
+        """Return of which joint it is not known where it is: the message commands each one."""
+        return self.array.unready(self._timebase.polled)
 
-    def _held_position(self, axis: Axis) -> float:
-        """Return the command that holds an axis where it is."""
-        if not axis.powered:
-            return axis.hold_position
-        return self._held.setdefault(axis.name, axis.hold_position)
+    def _message_type(self) -> Any:
+        return Float64MultiArray
+
+    def _message(self, commands: Sequence[tuple[float, float]]) -> Any:
+        return Float64MultiArray(data=[float(position) for position, _ in commands])
+
+
+def dof_command() -> Any:
+    """Return the message type of `dof`.
+
+    Raises:
+        InvalidParameters: The package control_msgs is not installed.
+    """
+    if MultiDOFCommand is None:
+        raise InvalidParameters(
+            [
+                'setpoint_interface: dof needs the package control_msgs, which is not installed '
+                '(apt install ros-$ROS_DISTRO-control-msgs)'
+            ]
+        )
+    return MultiDOFCommand
+
+
+class DofSetpoints(PositionSetpoints):
+    """`dof`: a position and a velocity for each joint of `position_joints`, on `~/dof_commands`.
+
+    The names are in the message, but pid_controller (4.42) takes the values by their place.
+    """
+
+    topic = '~/dof_commands'
+
+    def _message_type(self) -> Any:
+        return dof_command()
+
+    def _message(self, commands: Sequence[tuple[float, float]]) -> Any:
+        positions, velocities = zip(*commands, strict=True)
+        return MultiDOFCommand(
+            dof_names=[slot.joint for slot in self.array.slots],
+            values=list(map(float, positions)),
+            values_dot=list(map(float, velocities)),
+        )
 
 
 #: The class of each interface.
 INTERFACES: Mapping[SetpointInterface, type[TrajectorySetpoints | PositionSetpoints]] = {
     SetpointInterface.trajectory: TrajectorySetpoints,
     SetpointInterface.position: PositionSetpoints,
+    SetpointInterface.dof: DofSetpoints,
 }

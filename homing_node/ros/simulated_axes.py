@@ -32,18 +32,17 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64, Float64MultiArray
-from trajectory_msgs.msg import JointTrajectory
+from std_msgs.msg import Bool, Float64
 
 from ..course import Happening
-from ..parameters.configuration import SetpointInterface
 from ..plant.drivers import SwitchDriver
 from ..plant.layout import AxisLayout
 from ..plant.simulated_axis import SimulatedAxis
 from ..procedures.states import Input
 from . import simulated_drivers
+from .graph import SETPOINT_TOPICS
 from .polling import Take, never_called, taker, waiting
-from .simulated_controller import ForwardedPositions, PlayedTrajectories
+from .simulated_controller import controller_for
 from .simulated_settings import Settings, settings_from
 
 #: How long before something is due the thread wakes up and waits for the exact time, s.
@@ -131,7 +130,6 @@ class SimulatedAxes:
         self._dt = 1.0 / settings.step_rate
         self._dead_time = settings.dead_time
         self._feedback_rate = settings.feedback_rate
-        self._controller: PlayedTrajectories | ForwardedPositions
         self._controller_rate = settings.controller_rate
         self._updates = 0  # of the controller
         self._count = 0  # of the samples computed
@@ -160,15 +158,9 @@ class SimulatedAxes:
             self._connect(node, settings, name, layout)
         self._drivers = [o for o in self._outputs.values() if o.driver is not None]
         self._switches = deque(o for o in self._outputs.values() if o.level is not None)
-        joints, rate = settings.joints, settings.controller_rate
-        if settings.setpoint_interface is SetpointInterface.trajectory:
-            topic, kind = 'setpoints', JointTrajectory
-            start = [axis.position for axis in self._axes.values()]
-            self._controller = PlayedTrajectories(joints, start, rate, settings.interpolate)
-        else:
-            topic, kind = 'position_commands', Float64MultiArray
-            self._controller = ForwardedPositions(joints, rate, settings.setpoint_period)
-        topic = f'{settings.target_node}/{topic}'
+        start = [axis.position for axis in self._axes.values()]
+        self._controller, kind = controller_for(settings, start)
+        topic = f'{settings.target_node}/{SETPOINT_TOPICS[settings.setpoint_interface]}'
         self._subscribe(node, kind, topic, QoSProfile(depth=10), self._take)
 
     def close(self) -> None:
@@ -204,7 +196,10 @@ class SimulatedAxes:
                 publisher = node.create_publisher(Float64, f'{prefix}/{key}', RELIABLE)
                 self._outputs[name, key] = Output(name, publisher)
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._subscribe(node, Bool, f'{prefix}/servo_on', qos, lambda m: axis.servo(m.data))
+        joint = settings.joints[list(settings.layouts).index(name)]
+        self._subscribe(
+            node, Bool, f'{prefix}/servo_on', qos, lambda m: self._servo(axis, joint, m.data)
+        )
 
     def _subscribe(
         self, node: Node, kind: Any, topic: str, qos: QoSProfile, take: Callable[[Any], None]
@@ -338,7 +333,14 @@ class SimulatedAxes:
         """Return the system time at which a command left that acts at a time of the world, ns."""
         return int((self._base + time - self._dead_time) * 1e9) + self._to_system
 
-    def _take(self, message: JointTrajectory | Float64MultiArray) -> None:
+    def _servo(self, axis: SimulatedAxis, joint: str, on: bool) -> None:
+        """Switch a servo; one that comes on obeys at once what its controller commands."""
+        off = not axis.enabled
+        axis.servo(on)
+        if on and off:
+            self._controller.repeat(joint)
+
+    def _take(self, message: Any) -> None:
         refused = self._controller.take(message, self._sent_at(self._front))
         if refused:
             self._logger.warning(

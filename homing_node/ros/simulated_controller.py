@@ -2,15 +2,18 @@
 """The controller between the setpoints and the simulated drives, fed with messages.
 
 It plays trajectories as joint_trajectory_controller does and positions as
-forward_command_controller does (plant/controller.py).
+forward_command_controller does (plant/controller.py). Commands by name go the way of positions:
+the simulated drives close the loop.
 """
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import isfinite, nan
+from typing import Any
 
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
+from ..parameters.configuration import SetpointInterface
 from ..plant.controller import (
     NS,
     RECOMMENDED,
@@ -18,7 +21,10 @@ from ..plant.controller import (
     Message,
     Point,
     TrajectoryController,
+    Values,
 )
+from .setpoints import dof_command
+from .simulated_settings import Settings
 
 #: The new command of a joint: its position, and its velocity if the controller tells it.
 Command = tuple[float, float | None]
@@ -59,6 +65,10 @@ class PlayedTrajectories:
         told = Message(stamp.sec * NS + stamp.nanosec, tuple(message.joint_names), points)
         return '' if self._controller.receive(told, now) else self._controller.refused
 
+    def repeat(self, joint: str) -> None:
+        """Return the command of a joint at the next update although it has not changed."""
+        self._last = _without(self._last, self._controller.joints.index(joint))
+
     def update(self, now: int) -> Mapping[str, Command]:
         """Return the commands that differ from the last ones."""
         point = self._controller.update(now, self._last)
@@ -80,18 +90,24 @@ class ForwardedPositions:
     def __init__(self, joints: Sequence[str], rate: float, over: float) -> None:
         self._controller = ForwardController(joints, rate)
         self._controller.activate()
-        self._last: Sequence[float] = self._controller.command
+        self._last = self._controller.command
         self.over = over
 
     def take(self, message: Float64MultiArray, now: int) -> str:
         """Take a message; return why it is refused, else ''."""
-        data = list(message.data)
+        return self._take(list(message.data))
+
+    def _take(self, data: list[float]) -> str:
         if not self._controller.active:
             return 'an array of a wrong length has deactivated the controller'
         if not self._controller.receive(data):
             return f'positions {data} are not all finite'
         count = len(self._controller.joints)
         return '' if len(data) == count else f'{len(data)} positions for {count} joints'
+
+    def repeat(self, joint: str) -> None:
+        """Return the command of a joint at the next update although it has not changed."""
+        self._last = _without(self._last, self._controller.joints.index(joint))
 
     def update(self, now: int) -> Mapping[str, Command]:
         """Return the commands that differ from the last ones."""
@@ -104,3 +120,33 @@ class ForwardedPositions:
             for joint, position, before in zip(self._controller.joints, command, last, strict=True)
             if position != before and isfinite(position)
         }
+
+
+class ForwardedDofs(ForwardedPositions):
+    """Commands by name (`control_msgs/MultiDOFCommand`); their positions are forwarded.
+
+    As pid_controller does, it wants each of its joints; here their order matters too.
+    """
+
+    def take(self, message: Any, now: int) -> str:
+        """Take a message; return why it is refused, else ''."""
+        if tuple(message.dof_names) != self._controller.joints:
+            return f'the command is for {", ".join(message.dof_names)}'
+        return self._take(list(message.values))
+
+
+def controller_for(
+    settings: Settings, start: Sequence[float]
+) -> tuple[PlayedTrajectories | ForwardedPositions, Any]:
+    """Return the controller that plays the setpoints, and the type of their messages."""
+    joints, rate, over = settings.joints, settings.controller_rate, settings.setpoint_period
+    if settings.setpoint_interface is SetpointInterface.trajectory:
+        return PlayedTrajectories(joints, start, rate, settings.interpolate), JointTrajectory
+    if settings.setpoint_interface is SetpointInterface.position:
+        return ForwardedPositions(joints, rate, over), Float64MultiArray
+    return ForwardedDofs(joints, rate, over), dof_command()
+
+
+def _without(values: Values, place: int) -> Values:
+    """Return values, one of which equals none."""
+    return (*values[:place], nan, *values[place + 1 :])

@@ -16,6 +16,7 @@ from ..parameters.configuration import (
 from ..parameters.definition import Definition, InvalidParameters, read, table
 from ..plant.layout import DEAD_TIME, FEEDBACK_RATE, AxisLayout, layouts_from
 from . import simulated_drivers
+from .setpoints import dof_command
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,11 @@ def settings_from(parameters: Mapping[str, Any]) -> Settings:
             own[name] = value
     good, found = read(own, DEFINITIONS)
     faults = [*found, *strays, *bad_names(good.get('axes'))]
+    if good.get('setpoint_interface') is SetpointInterface.dof:
+        try:
+            dof_command()
+        except InvalidParameters as error:
+            faults += error.faults
     if good.get('use_sim_time'):
         faults.append('use_sim_time: must be false, the simulated axes run in real time')
     dead_time, step_rate = good.get('dead_time'), good.get('step_rate')
