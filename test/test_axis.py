@@ -481,6 +481,35 @@ def test_the_following_error_is_what_a_drive_can_lag():
     assert slow.but(following_error=0.023).home(1, 0.02).outcome.success
 
 
+@pytest.mark.parametrize('lead', [0.0, 0.008, 0.1])
+def test_the_following_error_does_not_count_the_lead(lead):
+    """The newest command is ahead of the drive by the lead; the default is for the drive alone."""
+    parameters = rig('HS', following_error=0.0, travel=1.0, wrong_direction_distance=0.1)
+    axis = Axis('x', parameters.parameters(), PERIOD, lead)
+    for switch in axis.parameters.inputs:
+        axis.switch(switch, 0.0, False)
+    lag, path = round(0.048 / PERIOD), [0.1]
+    for cycle in range(60):
+        now = cycle * PERIOD
+        axis.feedback(now, path[max(0, len(path) - 1 - lag)])
+        if cycle == 5:
+            assert axis.home(now) is None
+        axis.update(now)
+        if axis.profile.velocity:
+            path.append(axis.profile.present)
+    assert axis.running
+    assert axis.error is Error.NoError
+    assert axis.profile.present - axis.position > 0.0095  # 0.011 is allowed
+
+
+@BOTH_WAYS
+def test_feedback_that_arrives_late_is_no_following_error(direction):
+    """On a loaded machine: the axis follows, its messages are late by up to 80 ms."""
+    late = Transport(feedback_delay=0.02, jitter=0.06)
+    one = rig('HSHS', following_error=0.0).but(late).built(lag=0.02)
+    assert one.home(direction).outcome.success
+
+
 @BOTH_WAYS
 def test_the_following_error_counts_the_age_of_a_staircase(direction):
     """A driver that reads the position at 20 Hz: the axis follows, its readings are old."""

@@ -16,7 +16,7 @@ def broken(leg, command, feedback, **changes):
     parameters = rig('HS', **changes).parameters()
     rules = Rules(parameters, 0.0)
     rules.enter(parameters.procedure.rows[parameters.procedure.first], 0.0, 0.0)
-    fault = rules.broken(leg, command, feedback, 0.0, 0.0)
+    fault = rules.broken(leg, lambda _: command, feedback, 0.0, 0.0)
     return fault and fault.error
 
 
@@ -38,6 +38,22 @@ def test_the_following_error_has_no_sign(way, ahead):
     command, feedback = way * 0.01, way * 0.01 + ahead
     assert broken(leg, command, feedback, following_error=0.005) is None
     assert broken(leg, command, feedback, following_error=0.003) is Error.FollowingError
+
+
+def test_a_feedback_is_compared_with_the_commands_since_its_time():
+    """A message that is late is no following error."""
+    parameters = rig('HS', following_error=0.001).parameters()
+    rules = Rules(parameters, 0.0)
+    rules.enter(parameters.procedure.rows[parameters.procedure.first], 0.0, 0.0)
+    leg = Leg(Way.TOWARD, 0.0, 0.0, since=0.0)
+
+    def error_at(age):
+        fault = rules.broken(leg, lambda ago: 0.01 - 0.05 * ago, 0.006, 0.0, 0.0, age)
+        return fault and fault.error
+
+    assert error_at(0.05) is Error.FollowingError
+    assert error_at(0.07) is None
+    assert error_at(0.2) is None  # 6 mm before it: a stamp that is not true
 
 
 @BOTH_WAYS

@@ -258,7 +258,7 @@ class Axis(AxisStatus):
         track = readings.track
         stopping = machine.ending.stopping
         self._edges.update(machine, track)
-        machine.update(now, track.position, track.interval)
+        machine.update(now, track.position, track.interval, now - track.time)
         if machine.ending.error is Error.FollowingError and not stopping:
             self._stop_where_it_is(machine, now)
         if machine.finished:

@@ -227,7 +227,7 @@ class Machine:
 
     # ------------------------------------------------------------------------------- each cycle
 
-    def update(self, now: float, feedback: float, interval: float = 0.0) -> None:
+    def update(self, now: float, feedback: float, interval: float = 0.0, age: float = 0.0) -> None:
         """Test the bounds, then follow the arrows of the motion's own events.
 
         Called once a cycle, before the profile's update.
@@ -236,6 +236,7 @@ class Machine:
             now: the present time, s.
             feedback: the newest feedback.
             interval: the time between two readings of the feedback, s.
+            age: how old the newest feedback is, s.
         """
         self.now, self.feedback = now, feedback
         if self.finished or self.paused:
@@ -245,7 +246,9 @@ class Machine:
             return
         movement = self.movement
         movement.follow(feedback)
-        failure = self._rules.broken(movement.leg, self.profile.present, feedback, now, interval)
+        failure = self._rules.broken(
+            movement.leg, self.profile.commanded, feedback, now, interval, age
+        )
         if failure is not None:
             self.fail(failure)
             return

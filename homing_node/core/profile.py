@@ -26,6 +26,8 @@ TINY = 1e-12
 #: jerk smaller by this part leaves that point.
 OFF_THE_POINT = 1e-6
 ATTEMPTS = 5
+#: How long the path is remembered, s: a message of the feedback may be so late (travel.py).
+REMEMBERED = 0.15
 #: A command whose drive is off goes back to where the axis is: it brakes within this time, s.
 BACK = 0.02
 #: A pause of single setpoints up to this long is a late setpoint; after a longer one the axis has
@@ -201,9 +203,13 @@ class Profile:
     @property
     def present(self) -> float:
         """The position that is commanded at present, ``lead`` before the newest."""
-        if not self.lead:
+        return self.commanded()
+
+    def commanded(self, age: float = 0.0) -> float:
+        """Return the position that was commanded ``age`` s before the present."""
+        if not (self.lead or age):
             return self.position
-        return state_at(self._pieces, self._time - self.lead)[0]
+        return state_at(self._pieces, self._time - self.lead - age)[0]
 
     @property
     def arrived(self) -> bool:
@@ -229,7 +235,7 @@ class Profile:
         period and ``lead`` before the newest command. The path also tells what lies before.
         """
         present = self._time - self.period - self.lead
-        while len(self._pieces) > 1 and self._pieces[1].time < present - 2.0 * self.period:
+        while len(self._pieces) > 1 and self._pieces[1].time < present - REMEMBERED:
             del self._pieces[0]
         pieces, end = self._pieces, present + horizon
         last = pieces[-1]

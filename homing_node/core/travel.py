@@ -5,6 +5,7 @@ Positions are in the *toward* frame, m or rad; times in s are passed in.
 """
 
 import math
+from collections.abc import Callable
 
 from ..parameters.axis import AxisParameters
 from ..procedures.events import Event
@@ -16,6 +17,9 @@ from .track import Track
 
 #: How long a drive may still lag for the velocity that it had before, s.
 LAG_LASTS = 0.15
+#: A message of the feedback may be so late, s: it is compared with the commands since its time.
+#: One that is older counts as an axis that does not follow.
+LATEST = 0.1
 #: The message for an event that did not come.
 NOT_SEEN = {
     Event.HS_RISES: 'the home switch did not rise',
@@ -162,16 +166,23 @@ class Rules:
         self._missed = ' and '.join(NOT_SEEN[event] for event in row.on if event in NOT_SEEN)
 
     def broken(
-        self, leg: Leg, command: float, feedback: float, now: float, interval: float
+        self,
+        leg: Leg,
+        commanded: Callable[[float], float],
+        feedback: float,
+        now: float,
+        interval: float,
+        age: float = 0.0,
     ) -> Failure | None:
         """Return the rule that the motion breaks, None while it keeps them all.
 
         Args:
             leg: the present stretch of travel.
-            command: the commanded position.
+            commanded: returns the position that was commanded so many s before the present.
             feedback: the newest feedback.
             now: the present time, s.
             interval: the time between two readings of the feedback, s; the axis goes on meanwhile.
+            age: how old the newest feedback is by its stamp, s.
         """
         gone, distance = leg.gone, self.distance
         if gone > distance or leg.traveled > distance:
@@ -180,9 +191,11 @@ class Rules:
                 f'{self._missed} within {self.distance:.6g} m ({self._name})',
                 HINTS[self._bound],
             )
-        behind = abs(command - feedback)
-        if behind > self._least_limit and not self._searches_end:
-            failure = self._too_far_behind(command - feedback, now, interval)
+        behind = commanded(0.0) - feedback
+        if abs(behind) > self._least_limit and not self._searches_end:
+            then = commanded(min(max(0.0, age), LATEST)) - feedback
+            behind = _nearest(behind, then)
+            failure = self._too_far_behind(behind, now, interval)
             if failure is not None:
                 return failure
         against, limit = leg.against, self._wrong_direction
@@ -217,3 +230,13 @@ class Rules:
             f'by {abs(behind) / velocity:.3g} s or more at {velocity:.3g} m/s needs '
             f'following_error: {2.0 * abs(behind):.2g} or more',
         )
+
+
+def _nearest(present: float, then: float) -> float:
+    """Return the smallest difference to the commands from the time of a feedback to the present.
+
+    A message that comes late is no following error; and its stamp need not be true.
+    """
+    if present * then <= 0.0:
+        return 0.0
+    return min(present, then, key=abs)
