@@ -35,7 +35,7 @@ from .configured_node import ConfiguredNode
 from .controllers import Controllers
 from .cycle import Cycle, late_cycle
 from .guarded_axis import GuardedAxis
-from .inputs import Inputs
+from .inputs import LATCHED, Inputs
 from .joint_order import JointOrder
 from .polling import Polled, never_called
 from .readiness import Readiness
@@ -81,7 +81,8 @@ class HomingNode(ConfiguredNode):
                     never_called,
                     qos,
                     callback_group=polled,
-                    qos_overriding_options=OVERRIDABLE,
+                    # An override would hold for both subscriptions of this topic.
+                    qos_overriding_options=None if qos is LATCHED else OVERRIDABLE,
                 )
             except (RuntimeError, NameValidationException) as error:  # another type; too long
                 why = str(error).partition('\n')[0].rstrip(':')
