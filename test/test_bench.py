@@ -14,6 +14,7 @@ FIGURES = {
     'core': 'Axis.update',
     'simulated': 'core and plant',
     'homing_time': 'A: HSHS, 1000 Hz, until homed',
+    'setpoints': 'controller at 1000 Hz, arrival late by up to 0.3 ms',
     'cycle': 'lateness p99',
     'reaction': 'reaction at 250 Hz',
     'start': '32 axes',

@@ -9,11 +9,14 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
+from homing_node.core.announcement import Course, announcement
 from homing_node.core.axis import Axis
+from homing_node.core.profile import Dynamics, Profile
 from homing_node.parameters.configuration import SetpointInterface, configuration
 from homing_node.parameters.definition import InvalidParameters
 from homing_node.plant.controller import NS, Message, Point, TrajectoryController
 from homing_node.procedures.states import Error, Input
+from homing_node.ros.serialized import TrajectoryWriter
 from homing_node.ros.setpoints import (
     INTERFACES,
     DofSetpoints,
@@ -183,6 +186,35 @@ def test_an_axis_that_does_not_follow_stops_where_it_is():
     assert axis.outcome.error in (Error.FollowingError, Error.WrongDirection)
     message = deserialize_message(cell.published[-1], JointTrajectory)
     assert [p.positions[0] for p in message.points] == pytest.approx([0.05] * len(message.points))
+
+
+#: Velocities of eight axes, and the largest message that they make, bytes (performance.md).
+EIGHT = [([0.05] * 8, 2600), ([0.02 * (k + 1) for k in range(8)], 9000)]
+
+
+@pytest.mark.parametrize(('velocities', 'largest'), EIGHT, ids=['alike', 'all different'])
+def test_the_size_of_a_message_of_eight_axes_is_bounded(velocities, largest):
+    """At 250 Hz: while they speed up, cruise, turn and stop."""
+    names = [f'axis_{k}_joint' for k in range(8)]
+    profiles = [Profile(PERIOD, 10.0 + k, lead=LEAD) for k in range(8)]
+    if len(set(velocities)) == 1:
+        profiles = [Profile(PERIOD, 10.0, lead=LEAD) for _ in range(8)]
+    writer, sizes = TrajectoryWriter(), []
+    for cycle in range(400):
+        for k, (one, velocity) in enumerate(zip(profiles, velocities, strict=True)):
+            pace = Dynamics(velocity, 0.5, 0.5)
+            at = cycle - (k if len(set(velocities)) > 1 else 0)
+            if at == 0:
+                one.seek(velocity, pace)
+            elif at == 150:
+                one.seek(-velocity, pace)
+            elif at == 300:
+                one.stop()
+            one.update()
+        courses = [Course(*one.announce(0.02)) for one in profiles]
+        times, rows = announcement(courses, PERIOD, 0.02)
+        sizes.append(len(writer.write(names, 1, times, rows)))
+    assert 0.9 * largest < max(sizes) <= largest
 
 
 def test_positions_of_all_axes_in_their_order():

@@ -6,75 +6,43 @@ from itertools import pairwise
 import pytest
 
 from homing_node.core.profile import Dynamics
-from homing_node.plant.controller import JtcParameters
-from homing_node.rehearsal.stream import Stream, differences, run
+from homing_node.plant.controller import RECOMMENDED, JtcParameters
+from homing_node.rehearsal.stream import COURSES, DURATION, FAST, JERK, Stream, run, worst
 
-JERK = 10.0
-FAST, SLOW = Dynamics(0.05, 0.5, 0.5), Dynamics(0.005, 0.5, 0.5)
-HARDER = 2.0
-
-ORDERS = {
-    'constant speed, then a stop': [
-        (0.01, lambda p: p.seek(0.05, FAST)),
-        (0.2, lambda p: p.stop()),
-    ],
-    'turning into the slow search': [
-        (0.01, lambda p: p.seek(0.05, FAST)),
-        (0.2035, lambda p: p.seek(-0.005, SLOW)),
-        (0.37, lambda p: p.move(0.006, FAST)),
-    ],
-    'reversal at a limit': [
-        (0.01, lambda p: p.seek(0.05, FAST)),
-        (0.1635, lambda p: p.seek(-0.05, FAST)),
-        (0.19, lambda p: p.brake_harder(HARDER)),
-        (0.3, lambda p: p.stop(HARDER)),
-    ],
-}
-HARDEST = {'reversal at a limit': HARDER}
-DURATION = 0.5
-
-
-def worst(found, step):
-    """Return the largest error of velocity, acceleration and jerk, from the positions."""
-    off = max(abs(one.command[1] - one.planned[1]) for one in found)
-    accelerations = differences(differences([one.command[0] for one in found], step), step)
-    jerks = differences(accelerations, step)
-    return off, max(map(abs, accelerations)), max(map(abs, jerks))
+STEADY, _ = COURSES['constant speed, then a stop']
 
 
 def assert_as_planned(found, step, acceleration=0.5):
-    off, hardest, jerk = worst(found, step)
-    assert off <= 0.01 * FAST.velocity
-    assert hardest <= 1.05 * acceleration
-    assert jerk <= 1.05 * JERK
-    velocities = differences([one.command[1] for one in found], step)
-    assert max(map(abs, velocities)) <= 1.05 * acceleration
-    assert max(map(abs, differences(velocities, step))) <= 1.05 * JERK
+    seen = worst(found, step)
+    assert seen.velocity_error <= 0.01 * FAST.velocity
+    assert seen.acceleration <= 1.05 * acceleration
+    assert seen.jerk <= 1.05 * JERK
 
 
-@pytest.mark.parametrize('orders', ORDERS)
+@pytest.mark.parametrize('course', COURSES)
 @pytest.mark.parametrize('jitter', [0.0, 0.0003, 0.0015])
 @pytest.mark.parametrize('controller', [100, 250, 500, 1000])
 @pytest.mark.parametrize('node', [250, 500, 1000])
-def test_the_drive_gets_what_was_planned(node, controller, jitter, orders):
+def test_the_drive_gets_what_was_planned(node, controller, jitter, course):
     how = Stream(node, controller, jitter, phase=0.37, seed=node + controller)
-    found, _ = run(how, ORDERS[orders], JERK, DURATION)
-    assert_as_planned(found, 1.0 / controller, HARDEST.get(orders, 0.5))
+    orders, hardest = COURSES[course]
+    found, _ = run(how, orders, JERK, DURATION)
+    assert_as_planned(found, 1.0 / controller, hardest)
 
 
 @pytest.mark.parametrize('controller', [250, 1000])
 def test_one_message_in_ten_is_lost(controller):
     how = Stream(250, controller, 0.0003, lost=0.1, phase=0.4)
-    for orders in ORDERS:
-        found, _ = run(how, ORDERS[orders], JERK, DURATION)
-        off, _, _ = worst(found, 1.0 / controller)
-        assert off <= 0.01 * FAST.velocity
+    for orders, _ in COURSES.values():
+        found, _ = run(how, orders, JERK, DURATION)
+        assert worst(found, 1.0 / controller).velocity_error <= 0.01 * FAST.velocity
 
 
 def test_one_point_a_message_is_not_smooth():
     """What the announcement is for, and that these tests see it."""
-    how = Stream(250, 1000, 0.0003, one_point=True, lead=0.0)
-    found, _ = run(how, ORDERS['constant speed, then a stop'], JERK, DURATION)
+    accepting = RECOMMENDED._replace(allow_nonzero_velocity_at_trajectory_end=True)
+    how = Stream(250, 1000, 0.0003, one_point=True, lead=0.0, parameters=accepting)
+    found, _ = run(how, STEADY, JERK, DURATION)
     off, hardest, jerk = worst(found, 0.001)
     assert off > 0.3 * FAST.velocity
     assert hardest > 10 * 0.5
@@ -116,6 +84,19 @@ def test_a_stalled_node_goes_on_from_where_the_controller_is(stall, begin, speed
     assert found[-1].command == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize('seed', range(5))
+def test_a_stall_while_messages_are_lost_makes_no_step(seed):
+    """The velocity may be off by a little, where the plan of a lost message was needed."""
+    speed, pace = 0.5, Dynamics(0.5, 2.0, 2.0)
+    how = Stream(250, 1000, 0.0003, lost=0.1, stall=0.4, resume=0.5, phase=0.4, seed=seed)
+    found, _ = run(how, [(0.01, lambda p: p.seek(speed, pace))], JERK, 1.5)
+    positions = [one.command[0] for one in found]
+    velocities = [(b - a) / 0.001 for a, b in pairwise(positions)]
+    assert min(velocities) >= 0.0
+    assert max(velocities) <= 1.01 * speed
+    assert max(abs(b - a) for a, b in pairwise(velocities)) <= 0.001 * 2.1 + 0.01 * speed
+
+
 def test_a_search_never_goes_back_after_a_stall():
     how = Stream(250, 1000, stall=0.3, resume=0.4)
     found, _ = run(how, [(0.01, lambda p: p.seek(0.05, FAST))], JERK, 0.8)
@@ -126,20 +107,19 @@ def test_a_search_never_goes_back_after_a_stall():
 
 def test_without_a_stamp_it_is_smooth_while_messages_come_in_time():
     how = Stream(250, 1000, 0.0, phase=0.0, stamped=False)
-    for orders in ORDERS:
-        found, _ = run(how, ORDERS[orders], JERK, DURATION)
-        _, hardest, _ = worst(found, 0.001)
-        assert hardest <= 1.05 * HARDEST.get(orders, 0.5)
+    for orders, hardest in COURSES.values():
+        found, _ = run(how, orders, JERK, DURATION)
+        assert worst(found, 0.001).acceleration <= 1.05 * hardest
 
 
 def test_the_default_parameters_of_a_controller_refuse_nothing_but_partial_joints():
     how = Stream(250, 500, 0.0003, parameters=JtcParameters(), phase=0.3)
-    found, _ = run(how, ORDERS['constant speed, then a stop'], JERK, DURATION)
+    found, _ = run(how, STEADY, JERK, DURATION)
     assert_as_planned(found[11:], 0.002)
 
 
 @pytest.mark.parametrize(('node', 'points'), [(250, 11), (500, 15), (1000, 25)])
 def test_a_message_is_short(node, points):
-    for orders in ORDERS.values():
+    for orders, _ in COURSES.values():
         _, most = run(Stream(node, 1000), orders, JERK, DURATION)
         assert most <= points

@@ -8,7 +8,7 @@ the node or its end does. Used by tests and by the benchmark.
 import itertools
 import random
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from operator import itemgetter
@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from ..core.announcement import Course, announcement, least_horizon
 from ..core.path import State, state_at
-from ..core.profile import Profile
+from ..core.profile import Dynamics, Profile
 from ..plant.controller import (
     RECOMMENDED,
     JtcParameters,
@@ -32,6 +32,42 @@ EPOCH, BEFORE = NS, 0.02
 
 #: What is ordered when: s from the begin.
 Orders = Sequence[tuple[float, Callable[[Profile], None]]]
+
+#: Limits of the courses, and how long a course is played, s.
+FAST, SLOW = Dynamics(0.05, 0.5, 0.5), Dynamics(0.005, 0.5, 0.5)
+JERK, HARDER, DURATION = 10.0, 2.0, 0.5
+
+
+class CourseOfRun(NamedTuple):
+    """What an axis does in a part of a run, and the largest acceleration that it is allowed."""
+
+    orders: Orders
+    acceleration: float
+
+
+#: Parts of runs that a drive must get as they are planned.
+COURSES: Mapping[str, CourseOfRun] = {
+    'constant speed, then a stop': CourseOfRun(
+        [(0.01, lambda p: p.seek(0.05, FAST)), (0.2, lambda p: p.stop())], 0.5
+    ),
+    'turning into the slow search': CourseOfRun(
+        [
+            (0.01, lambda p: p.seek(0.05, FAST)),
+            (0.2035, lambda p: p.seek(-0.005, SLOW)),
+            (0.37, lambda p: p.move(0.006, FAST)),
+        ],
+        0.5,
+    ),
+    'reversal at a limit': CourseOfRun(
+        [
+            (0.01, lambda p: p.seek(0.05, FAST)),
+            (0.1635, lambda p: p.seek(-0.05, FAST)),
+            (0.19, lambda p: p.brake_harder(HARDER)),
+            (0.3, lambda p: p.stop(HARDER)),
+        ],
+        HARDER,
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -139,6 +175,23 @@ def _play(how: Stream, sender: _Sender, duration: float) -> list[Commanded]:
             found.append(Commanded(time, (position, velocity, acceleration), sender.planned(time)))
         update += step
     return found
+
+
+class Worst(NamedTuple):
+    """The largest error of the velocity, and the largest acceleration and jerk, SI."""
+
+    velocity_error: float
+    acceleration: float
+    jerk: float
+
+
+def worst(found: Sequence[Commanded], step: float) -> Worst:
+    """Judge what was commanded, every ``step`` s, by its positions and its velocities."""
+    error = max(abs(one.command[1] - one.planned[1]) for one in found)
+    accelerations = differences(differences([one.command[0] for one in found], step), step)
+    told = differences([one.command[1] for one in found], step)
+    jerks = differences(accelerations, step) + differences(told, step)
+    return Worst(error, max(map(abs, accelerations + told)), max(map(abs, jerks)))
 
 
 def differences(values: Sequence[float], step: float) -> list[float]:
