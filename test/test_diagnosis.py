@@ -266,6 +266,17 @@ CASES = {
         'controller-joints',
         'ignores a message',
     ),
+    'another joint of the array without feedback': (
+        facts(
+            (
+                setpoints('position')._replace(joints=('x_joint', 'y_joint', 'gripper')),
+                Controller(CONTROLLER, {**FORWARD, 'joints': ['x_joint', 'y_joint', 'gripper']}),
+            )
+        ),
+        error,
+        'joint-missing',
+        'has no joint gripper',
+    ),
     'PID controller in another order': (
         facts(dof(dof_names=['y_joint', 'x_joint'])),
         error,

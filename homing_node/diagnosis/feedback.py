@@ -43,21 +43,32 @@ def judge_feedback(facts: Facts) -> Iterator[Finding]:
             'no run starts (FeedbackStale)',
         )
         return
-    for joint, (axis, p) in facts.setpoints.axes.items():
+    setpoints = facts.setpoints
+    for joint, (axis, p) in setpoints.axes.items():
         own = [one for one in samples if joint in one.positions]
         if own:
             yield from _joint(facts, axis, joint, p, own)
         else:
-            names = sorted({name for one in samples for name in one.positions})
-            yield Finding(
-                Severity.error,
-                axis,
-                'joint-missing',
-                f'{topic.name} has no joint {joint}',
-                f'it has {", ".join(names) or "none"}: no run starts (FeedbackStale)',
-                'joint',
-                joint,
-            )
+            yield _missing(facts, axis, joint, 'joint')
+    if setpoints.interface != 'trajectory':
+        for joint in setpoints.joints:
+            others = joint not in setpoints.axes
+            if others and not any(joint in one.positions for one in samples):
+                yield _missing(facts, '', joint, 'position_joints')
+
+
+def _missing(facts: Facts, axis: str, joint: str, parameter: str) -> Finding:
+    """Return that the feedback lacks a joint, which a parameter names."""
+    names = sorted({name for one in facts.samples for name in one.positions})
+    return Finding(
+        Severity.error,
+        axis,
+        'joint-missing',
+        f'{facts.feedback.name} has no joint {joint}',
+        f'it has {", ".join(names) or "none"}: no run starts (FeedbackStale)',
+        parameter,
+        joint,
+    )
 
 
 def _joint(
