@@ -16,6 +16,7 @@ POLICY = Path(__file__).resolve().parent.parent / 'config' / 'sros2_policy.xml'
 ELSEWHERE = {
     '/clock',
     '/homing_node/position_commands',
+    '/homing_node/dof_commands',
     # of a controller and its manager, which are not here
     '/*/get_parameters',
     '/*/list_parameters',

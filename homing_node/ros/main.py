@@ -85,6 +85,7 @@ def main(args: list[str] | None = None) -> int:
     _send_last_answers(node, executor)
     node.join()
     gc.unfreeze()
+    executor.shutdown(FAREWELL)  # its guards must go before their context
     node.destroy_node()
     rclpy.shutdown()
     return int(node.broken)
