@@ -677,7 +677,7 @@ WITH = [
         layout={'touch_probe': 0.14992},
         right=1.0,
     ),
-    Case('following-error', ERROR, {'following_error': 0.0002}),
+    Case('following-error', ERROR, {'following_error': 0.00004}),
     Case('following-error', WARNING, {'following_error': 0.0004}),
     Case('wrong-direction', WARNING, {'wrong_direction_distance': 0.0002}, right=0.0005),
     Case('open-loop', WARNING, {'open_loop_homing': True}, right=False),

@@ -118,7 +118,7 @@ def test_everything_that_is_missing_is_named_in_one_answer(cell):
         answer = world.client.answer(world.client.send(Trigger, 'x/home'))
         return all(text in answer.message for text in missing) and answer
 
-    answer = world.client.until(all_are_named)
+    world.client.until(all_are_named)
 
 
 def test_a_request_that_waits_is_canceled(cell):

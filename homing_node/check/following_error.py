@@ -27,7 +27,8 @@ class FollowingError(AxisWithLayout):
         velocity = max(p.pace(row.motion.pace)[0] for row in p.procedure.rows.values())
         behind, limit = velocity * lag, p.following_error_limit
         if limit < behind + velocity * age and not p.homes_on_mechanical_end:
-            always = limit < behind
+            # The feedback is compared with the nearest command since its time (core/travel.py).
+            always = limit < behind - velocity / self.timing.update_rate
             yield self.found(
                 Severity.error if always else Severity.warning,
                 'following-error',
