@@ -24,6 +24,7 @@ SECTIONS: Mapping[str, str] = {
     'switches': 'Inputs',
     'following_error': 'Supervision',
     'clear_home_done_on_servo_off': 'Loss of home',
+    'encoder': 'Memory',
 }
 
 HEAD = """\

@@ -414,6 +414,7 @@ WITH = [
         words='ahead',
     ),
     Case('end-unguarded', WARNING, {'ls_type': 'None'}, right='Dec', words='behind'),
+    Case('quick-way', WARNING, {'rehome': True, 'rehome_velocity': 0.25}, words='ahead'),
     Case('coasting', WARNING, {'ls_type': 'ServoOff'}, right='DecServoOff', words=BEHIND),
     Case(
         'next-tier',

@@ -22,10 +22,10 @@ class FakeAxis:
         self.state = State.Idle
         self.parameters = rig('HS').parameters()
 
-    def refusal(self, now):
+    def refusal(self, now, verify=False):
         return self.refused
 
-    def home(self, now):
+    def home(self, now, verify=False):
         assert not self.running
         self.running = True
         self.runs += 1

@@ -21,6 +21,7 @@ from .following_error import FollowingError
 from .index_and_probe import IndexAndProbe
 from .overruns import Overruns
 from .parameters_only import ParametersOnly
+from .quick_way import QuickWay
 from .remedy import applicable
 from .run_bounds import RunBounds
 from .shared_inputs import SharedInputs
@@ -37,6 +38,7 @@ WITH_LAYOUT = (
     IndexAndProbe,
     FollowingError,
     FinalMove,
+    QuickWay,
 )
 NOWHERE: Mapping[str, AxisLayout] = MappingProxyType({})
 

@@ -12,8 +12,8 @@ import math
 from ..parameters.axis import AxisParameters
 from ..procedures.states import LIMIT_SWITCHES, Error, Input
 from .announcement import Course
-from .axis_status import AxisStatus
 from .edge_queue import EdgeQueue
+from .kept_home import KeptHome
 from .limits import Action
 from .machine import Machine
 from .outcome import Failure, Outcome
@@ -29,7 +29,7 @@ VELOCITY_SPAN = 0.01
 Setpoint = tuple[float, float, float]
 
 
-class Axis(AxisStatus):
+class Axis(KeptHome):
     """One axis that can be homed.
 
     Attributes:
@@ -71,6 +71,7 @@ class Axis(AxisStatus):
             raise RuntimeError(f'axis {self.name} is homing')
         if parameters.home_type is not self.parameters.home_type:
             self.history.forget_homes()
+            self.remembered = None
         self.parameters = parameters
         self._sign = parameters.home_direction.sign
         self.readings.configure(parameters)
@@ -131,7 +132,7 @@ class Axis(AxisStatus):
 
     # ----------------------------------------------------------------------------------- requests
 
-    def refusal(self, now: float) -> Outcome | None:
+    def refusal(self, now: float, verify: bool = False) -> Outcome | None:
         """Return why a run cannot start now, None if it can."""
         if self.machine is not None:
             return self._failed(Error.Busy, f'homing is in progress ({self.machine.state})')
@@ -144,18 +145,26 @@ class Axis(AxisStatus):
         problems = self.parameters.cross_check()
         if problems:
             return self._failed(Error.InvalidParameter, '; '.join(problems))
+        unverifiable = self.unverifiable() if verify else None
+        if unverifiable is not None:
+            return unverifiable
         unready = self.readings.unready(now, self.parameters.joint or self.name)
         unready = unready or self.readings.motion()
         return None if unready is None else self._failed(*unready[:2])
 
-    def home(self, now: float) -> Outcome | None:
-        """Start a run; return why it cannot start, None if it has started."""
-        refusal = self.refusal(now)
+    def home(self, now: float, verify: bool = False) -> Outcome | None:
+        """Start a run; return why it cannot start, None if it has started.
+
+        Args:
+            now: the present time, s.
+            verify: only compare the home with what is found again, and keep it.
+        """
+        refusal = self.refusal(now, verify)
         if refusal is not None:
             return refusal
         self.profile.reset(self._start_command())
-        self.homed = self.returning = False
-        self.outcome = Outcome(Error.NoError)
+        self.returning = False
+        known = self._begin_home(now, verify)
         self._edges = EdgeQueue(self.parameters)
         self._settling.restart()
         self._moved = False
@@ -168,6 +177,7 @@ class Axis(AxisStatus):
             now,
             readings.track.position,
             readings.series,
+            known,
         )
         self.machine.begin()
         return None
@@ -221,7 +231,7 @@ class Axis(AxisStatus):
         self.readings.time_jumped_back(now)
         self._edges.clear()
         self._settling.restart()
-        self.homed = False
+        self.forget_coordinates()
 
     def set_emergency_stop(self, active: bool) -> None:
         """Set the emergency stop; while it is on, runs end and requests are refused."""
@@ -249,8 +259,9 @@ class Axis(AxisStatus):
                 self._take(edge)
         machine = self.machine
         if machine is None:
-            if self.homed and self.parameters.clear_home_done_on_comm_stop:
-                self.homed = readings.feedback_is_fresh(now)
+            lost = self.homed and not readings.feedback_is_fresh(now)
+            if lost and self.parameters.clear_home_done_on_comm_stop:
+                self.forget_home()
             return None
         p = self.parameters
         if now - readings.arrival > p.feedback_timeout or p.switch_timeout:
@@ -379,13 +390,9 @@ class Axis(AxisStatus):
         """End a run, and forget the home if the parameters say so, because the servo is off."""
         self._rest = None
         if self.parameters.clear_home_done_on_servo_off:
-            self.homed = False
+            self.forget_home()
         self.stop(Error.ServoOff, text, action)
 
     def _end(self, outcome: Outcome) -> None:
-        self.machine = None
-        self.outcome, self.homed = outcome, outcome.success
-        self.history.add(outcome.error, outcome.home_position_raw)
-
-    def _failed(self, error: Error, text: str) -> Outcome:
-        return Outcome(error, f'axis {self.name}: {text}')
+        machine, self.machine = self.machine, None
+        self._end_home(outcome, machine)

@@ -20,6 +20,9 @@ class AxisStatus:
         outcome: how the last run ended.
         history: the runs so far.
         homed: whether the axis knows its home.
+        home_source: where the home comes from, as long as the axis is homed: a `run`, `restored`
+            from before a restart, or restored and then `verified`.
+        notes: what the memory has to say of the axis, for the diagnostics.
         servo_on: whether this node wants the servo on.
         emergency_stop: whether the emergency stop is on.
     """
@@ -32,6 +35,8 @@ class AxisStatus:
         self.outcome = Outcome(Error.NoError)
         self.history = History()
         self.homed = False
+        self.home_source = 'run'
+        self.notes: tuple[str, ...] = ()
         self.servo_on = True
         self.emergency_stop = False
         self._sign = parameters.home_direction.sign
@@ -91,6 +96,6 @@ class AxisStatus:
         """A value that changes when the published state changes, and at the end of each run."""
         machine = self.machine
         if machine is None:
-            return self.history.runs, self.homed, self.servo_on
+            return self.history.runs, self.homed, self.home_source, self.notes, self.servo_on
         touched = machine.movement.end.touched
         return machine.step, machine.ending.error, machine.paused, touched, self.servo_on

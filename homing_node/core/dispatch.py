@@ -57,8 +57,13 @@ class Dispatch(Generic[Waiter]):
     def idle(self) -> bool:
         return not self._active and not self._canceling
 
-    def home(self, names: Sequence[str], owner: str, now: float) -> Outcome | Request:
-        """Start homing some axes in the order of the groups; return why not, or the request."""
+    def home(
+        self, names: Sequence[str], owner: str, now: float, verify: bool = False
+    ) -> Outcome | Request:
+        """Start homing some axes in the order of the groups; return why not, or the request.
+
+        With ``verify`` their homes are only compared with what is found again.
+        """
         if self.closed:
             return Outcome(Error.Canceled, 'the node is shutting down')
         for name in names:
@@ -70,7 +75,7 @@ class Dispatch(Generic[Waiter]):
         groups = [*self.groups, *((name,) for name in names if name not in listed)]
         wanted = [tuple(name for name in group if name in names) for group in groups]
         request = Request(
-            filter(None, wanted), self._axes, owner, self._unready, self.ready_timeout
+            filter(None, wanted), self._axes, owner, self._unready, self.ready_timeout, verify
         )
         request.start(now)
         if not request.done:

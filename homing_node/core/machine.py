@@ -22,11 +22,15 @@ from .movement import Movement
 from .outcome import Failure
 from .passes import Passes
 from .profile import Profile
+from .remembered import Remembered, Seen
 from .series_limits import SeriesLimits
 from .signals import Edge, Mark, Switch
 from .switch_events import SwitchEvents
 from .track import Track
 from .travel import Rules
+
+#: The edges that end the search for a switch.
+SEARCHED = (Event.HS_RISES, Event.HS_FALLS, Event.LS_RISES)
 
 
 class Snapshot(NamedTuple):
@@ -53,6 +57,7 @@ class Machine:
         passes: the passes over the reference so far.
         arrows: every arrow taken so far.
         warnings: what the user should know of the run.
+        seen: the edges and latches of the run.
     """
 
     __slots__ = (
@@ -71,6 +76,9 @@ class Machine:
         'arrows',
         'passes',
         'warnings',
+        'seen',
+        '_known',
+        '_rows',
         '_switches',
         '_limits',
         '_rules',
@@ -88,12 +96,16 @@ class Machine:
         now: float,
         feedback: float,
         series: SeriesLimits | None = None,
+        known: Remembered | None = None,
     ) -> None:
         self.parameters = parameters
         self.procedure = parameters.procedure
         self.profile = profile
         self.now = now
         self.feedback = feedback
+        self.seen = Seen()
+        self._known = known  # in the toward frame; None: an ordinary run
+        self._rows = {**self.procedure.rows, **self.procedure.quick}
         self._set_row(self.procedure.first)
         self.ending = Ending(profile)
         self.finished = False
@@ -137,7 +149,19 @@ class Machine:
         """Enter the first row; its conditions decide what the start position changes."""
         searches = len(self.procedure.events) > 1  # CurrentPos does not, and needs no limit
         if not (searches and self._limits_contradict()):
-            self._enter(self.procedure.first, Mark(self.feedback))
+            self._enter(self._first_step(), Mark(self.feedback))
+
+    def _first_step(self) -> Step:
+        """Return the step in which the run begins: a quick one, if it knows where to go."""
+        known, quick = self._known, list(self.procedure.quick)
+        if known is None or not quick:
+            return self.procedure.first
+        self.movement.approach = known.approach - self.parameters.margin_before_switch
+        ahead, back = quick
+        step = ahead if self.movement.approach >= self.profile.position else back
+        if Event.REPEAT in self._rows[self._rows[step].on[Event.DONE]].on:
+            self.passes.expected = Mark(known.home, known.uncertainty)
+        return step
 
     def edge(self, edge: Edge) -> None:
         """Take an edge whose way of travel is known.
@@ -146,13 +170,14 @@ class Machine:
         arrow is undone: the earlier edge decides, however late its message arrives.
         """
         self._switches.remember(edge)
+        self.seen.edge(edge)
         if self.ending.stopping:
             return
         rises, falls, on = self._switches.events_of(edge.input)
         event = rises if edge.rises else falls
         before = self._before_edge
         if before and event and edge.order < before.edge.order:
-            row = self.procedure.rows[before.step]
+            row = self._rows[before.step]
             if event in row.on and self._switches.counts(edge, row):
                 self._undo(before)
         if event and event in self.row.on and self._switches.counts(edge, self.row):
@@ -195,6 +220,7 @@ class Machine:
 
     def latch(self, source: Input, position: float) -> None:
         """Record a latched position of the Z-pulse or the touch probe."""
+        self.seen.latch(source, position)
         self.movement.latches.add(source, position)
 
     def fail(self, failure: Failure, action: Action | None = None) -> None:
@@ -271,6 +297,8 @@ class Machine:
             event = Event.REPEAT
             step = self.row.on[event]
         self.arrows.append((self.step, event))
+        if event in SEARCHED and self.row.motion.way is Way.TOWARD:
+            self.seen.approach = cause
         if event is Event.LIMIT_AHEAD:
             if self._reversed:
                 self.fail(
@@ -320,7 +348,7 @@ class Machine:
     def _set_row(self, step: Step) -> None:
         """Make a row the present one."""
         self.step: Step = step
-        self.row: Row = self.procedure.rows[step]
+        self.row: Row = self._rows[step]
 
     def _enter(self, step: Step, cause: Mark) -> None:
         """Enter a row; go on to the next if one of its conditions holds, else start its motion."""

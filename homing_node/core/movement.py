@@ -31,6 +31,7 @@ class Movement:
         leg: the present stretch of travel in one way.
         latches: the latched positions since the axis turned.
         end: the search for the mechanical end.
+        approach: where a quick way goes.
         index_margin: distance from the edge that armed the Z-pulse to the first pulse, in pitches;
             None while it is not known.
     """
@@ -39,6 +40,7 @@ class Movement:
         'leg',
         'latches',
         'end',
+        'approach',
         'index_margin',
         '_parameters',
         '_profile',
@@ -61,12 +63,14 @@ class Movement:
         self.leg = Leg(Way.NONE, feedback, profile.position, now)
         self.latches = Latches(parameters)
         self.end = MechanicalEnd(parameters)
+        self.approach = feedback
         self.index_margin: float | None = None
         self._parameters = parameters
         self._profile = profile
         self._dynamics: dict[Pace, Dynamics] = {
             row.motion.pace: Dynamics(*parameters.pace(row.motion.pace))
-            for row in parameters.procedure.rows.values()
+            for table in (parameters.procedure.rows, parameters.procedure.quick)
+            for row in table.values()
         }
         self._warn = warn
         self._row: Row = parameters.procedure.rows[parameters.procedure.first]
@@ -77,6 +81,8 @@ class Movement:
     def heading(self, motion: Motion, reference: Mark | None) -> tuple[Way, float]:
         """Return which way a motion goes, and where to if it has a target."""
         position = self._profile.position
+        if motion.kind is Kind.APPROACH:
+            return motion.way, self.approach
         if motion.kind is not Kind.HOME or reference is None:
             return motion.way, position
         target = reference.position + self._parameters.home_shift_distance
@@ -106,7 +112,7 @@ class Movement:
         dynamics = self._dynamics[motion.pace]
         if motion.kind is Kind.REST:
             profile.stop()
-        elif motion.kind is Kind.HOME:
+        elif motion.kind in (Kind.HOME, Kind.APPROACH):
             profile.move(target, dynamics)
         elif motion.kind is Kind.SEARCH:
             profile.seek(motion.way * dynamics.velocity, dynamics)
@@ -138,6 +144,7 @@ class Movement:
             Kind.FURTHER: self._went_further,
             Kind.REST: self._rested,
             Kind.HOME: self._arrived,
+            Kind.APPROACH: self._arrived,
         }[row.motion.kind]
 
     def _went_further(self, now: float, feedback: float, interval: float) -> Found | None:

@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from ..parameters.units import Unit
 from ..procedures.states import Error
 
 
@@ -36,6 +37,10 @@ class Outcome(NamedTuple):
         index_margin: distance from the edge that armed the Z-pulse to the first pulse, in pitches;
             None if it is not known.
         warnings: what the user should know of the run.
+        verified: raw difference of the home that a run has found from the home that it verified,
+            m or rad; None: it verified none.
+        verified_uncertainty: how far that difference may be off, m or rad.
+        unit: the unit of that difference.
         final: whether waiting does not mend what forbids the run.
     """
 
@@ -50,6 +55,9 @@ class Outcome(NamedTuple):
     index_margin: float | None = None
     warnings: tuple[str, ...] = ()
     final: bool = False
+    verified: float | None = None
+    verified_uncertainty: float = 0.0
+    unit: Unit = Unit.m
 
     @property
     def success(self) -> bool:

@@ -11,6 +11,10 @@ from ..procedures.states import Error, Input
 from .outcome import Failure
 from .signals import Edge, Mark
 
+#: The part of `edge_tolerance` within which a quick run must find the reference where it was
+#: before; else it takes one more pass.
+EXPECTED = 0.2
+
 
 class Passes:
     """The coarse pass over a switch, if there was one, and the passes that give home."""
@@ -19,14 +23,22 @@ class Passes:
         self._parameters = parameters
         self.coarse: Mark | None = None
         self.fine: list[Mark] = []
+        self.expected: Mark | None = None  # where earlier runs have found the reference
 
     def forget(self) -> None:
         """Begin again: the procedure does."""
-        self.coarse = None
+        self.coarse = self.expected = None
         self.fine.clear()
 
     def add(self, mark: Mark) -> bool:
-        """Take a pass that gives home; return whether one more is wanted."""
+        """Take a pass that gives home; return whether one more is wanted.
+
+        A first pass that is not where earlier runs have found the reference is a coarse one.
+        """
+        expected, self.expected = self.expected, None
+        if expected is not None and self.coarse is None and not self._agree(mark, expected):
+            self.coarse = mark
+            return True
         self.fine.append(mark)
         return len(self.fine) < self._parameters.repeat
 
@@ -39,6 +51,12 @@ class Passes:
             and not edge.rises
             and feedback >= edge.position - self._parameters.edge_agreement
         )
+
+    def _agree(self, one: Mark, another: Mark) -> bool:
+        """Return whether two passes agree so well that no further one is needed."""
+        unsure = one.uncertainty + another.uncertainty
+        tolerance = EXPECTED * self._parameters.edge_agreement
+        return abs(one.position - another.position) <= tolerance + unsure
 
     @property
     def range(self) -> float:

@@ -65,7 +65,11 @@ class Readings:
         self._parameters = parameters
         self._noise = 1e-3 * parameters.travel
         self._leap = 0.01 * parameters.travel + 2.0 * parameters.following_error_limit
-        self.top_speed = max(parameters.homing_velocity_fast, parameters.home_shift_velocity)
+        self.top_speed = max(
+            parameters.homing_velocity_fast,
+            parameters.home_shift_velocity,
+            parameters.rehome_velocity,
+        )
         sign = parameters.home_direction.sign
         if sign != self._sign:
             self.track.mirror()

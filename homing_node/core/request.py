@@ -39,12 +39,14 @@ class Request:
         owner: str,
         unready: Callable[[str], Outcome | None],
         ready_timeout: float = 0.0,
+        verify: bool = False,
     ) -> None:
         self.groups = [tuple(group) for group in groups]
         self.owner = owner
         self.outcomes: dict[str, Outcome] = {}
         self._axes, self._unready = axes, unready
         self._ready_timeout = ready_timeout
+        self._verify = verify  # the homes are only compared
         self._since: float | None = None  # a group waits until it is ready
         self._waiting = list(self.groups)
         self._running: tuple[str, ...] = ()
@@ -129,12 +131,12 @@ class Request:
         del self._waiting[0]
         self._running = group
         for name in group:
-            self._axes[name].home(now)
+            self._axes[name].home(now, self._verify)
 
     def _refusal(self, name: str, now: float) -> Outcome | None:
         if name in self._canceled:
             return self._cancellation(name, 'not started: canceled')
-        return self._unready(name) or self._axes[name].refusal(now)
+        return self._unready(name) or self._axes[name].refusal(now, self._verify)
 
     def _patience(self, name: str, refusal: Outcome) -> float:
         """Return how long to wait until what forbids a run has passed, s."""

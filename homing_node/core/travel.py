@@ -158,7 +158,7 @@ class Rules:
         self._name = str(row.bound if own else Bound.SEARCH)
         if not own and row.bound is Bound.HS_ON_AT_START:
             self._bound = Bound.SEARCH
-        searching = row.motion.kind is Kind.SEARCH
+        searching = row.motion.kind in (Kind.SEARCH, Kind.APPROACH)
         self.distance = own or p.search_distance if searching else math.inf
         self._before, self._entered = self._velocity, now
         self._velocity = max(p.pace(row.motion.pace)[0], abs(velocity))

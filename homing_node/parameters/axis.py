@@ -32,6 +32,8 @@ from .units import Unit
 
 #: Longer than these no ramp and no move of a machine takes, s.
 LONGEST_RAMP, LONGEST_MOVE = 1000.0, 3600.0
+#: The paces that share the rates of another one.
+RATES: Mapping[Pace, Pace] = {Pace.QUICK: Pace.FAST}
 #: A drive does not lag longer than this, unless `following_error` says so, s.
 LONGEST_LAG = 0.05
 
@@ -67,8 +69,10 @@ class AxisParameters(AxisFields):
             Pace.FAST: self.homing_velocity_fast,
             Pace.SLOW: self.homing_velocity_slow,
             Pace.SHIFT: self.home_shift_velocity or self.homing_velocity_fast,
+            Pace.QUICK: self.rehome_velocity or self.homing_velocity_fast,
         }
-        return own[pace], getattr(self, f'{pace}_acc'), getattr(self, f'{pace}_dec')
+        rates = RATES.get(pace, pace)
+        return own[pace], getattr(self, f'{rates}_acc'), getattr(self, f'{rates}_dec')
 
     @property
     def search_distance(self) -> float:
@@ -80,6 +84,11 @@ class AxisParameters(AxisFields):
         """How far the feedback may stay behind the command at rest, m."""
         small = 0.01 * self.travel
         return small if self.unit is Unit.rad else min(0.001, small)
+
+    @property
+    def margin_before_switch(self) -> float:
+        """How far before the remembered switch a quick way ends, m."""
+        return self.rehome_margin or self.settling_tolerance
 
     def following_error_at(self, velocity: float) -> float:
         """Return the largest |command - feedback| at a velocity, m."""
@@ -129,6 +138,7 @@ class AxisParameters(AxisFields):
             velocity, acceleration, deceleration = self.pace(row.motion.pace)
             distance = {
                 Kind.SEARCH: self.search_distance,
+                Kind.APPROACH: self.search_distance,
                 Kind.FURTHER: self.homing_reverse_distance,
                 Kind.REST: 0.0,
                 Kind.HOME: self.travel + abs(self.home_shift_distance),
@@ -250,10 +260,13 @@ class AxisParameters(AxisFields):
         """Return the motions that take longer than a machine can mean."""
         faults = []
         for pace in Pace:
+            if pace is Pace.QUICK and not self.rehome_velocity:
+                continue
             velocity, *rates = self.pace(pace)
             times = [ramp_time(velocity, rate, self.max_jerk) for rate in rates]
             if max(times) > LONGEST_RAMP:
-                name = f'{pace}_{"acc" if times[0] > LONGEST_RAMP else "dec"}'
+                rates_of = RATES.get(pace, pace)
+                name = f'{rates_of}_{"acc" if times[0] > LONGEST_RAMP else "dec"}'
                 rate = getattr(self, name)
                 faults.append(
                     f'{name}: with {rate:g} m/s^2 and max_jerk, {self.max_jerk:g} m/s^3, the ramp '

@@ -9,12 +9,14 @@ from dataclasses import dataclass
 
 from ..procedures.states import (
     Direction,
+    Encoder,
     FeedbackClock,
     HomeType,
     IndexMarginAction,
     Input,
     LSDirection,
     LSType,
+    Restore,
 )
 from . import fields
 from .units import Unit
@@ -206,4 +208,41 @@ class AxisFields:
     )
     clear_home_done_on_comm_stop: bool = fields.flag(
         True, 'feedback lost: the axis is no longer homed'
+    )
+
+    encoder: Encoder = fields.parameter(
+        Encoder,
+        Encoder.incremental,
+        'what the feedback still knows after the drive was off: nothing, its place in a turn, or '
+        'all',
+    )
+    encoder_turn: float = fields.distance(
+        0.0, 'travel of a turn of a single_turn encoder (0: not known)'
+    )
+    brake: bool = fields.flag(False, 'a brake holds the axis while the drive is off')
+    home_change_warn: float = fields.distance(
+        0.0, 'a home that has moved further is a warning (0: only by statistics)'
+    )
+    home_change_limit: float = fields.distance(
+        0.0, 'a home that has moved further is not taken: HomeMoved (0: no limit)'
+    )
+    restore: Restore = fields.parameter(
+        Restore,
+        Restore.never,
+        'take the home over from before a restart of the node; verify: the first request '
+        'verifies it',
+    )
+    restore_tolerance: float = fields.distance(
+        1e-4, 'how far the axis may have moved meanwhile, for a home to be taken over'
+    )
+    rehome: bool = fields.flag(
+        False, 'where the switch is known, go to rehome_margin before it at rehome_velocity'
+    )
+    rehome_velocity: float = fields.velocity(
+        0.0, 'velocity of that way, and of verify (0: homing_velocity_fast)', or_zero=True
+    )
+    rehome_margin: float = fields.distance(
+        0.0,
+        'how far before the remembered switch it ends (0: 1 % of travel, of a linear axis at most '
+        '0.001 m)',
     )

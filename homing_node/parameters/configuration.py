@@ -16,6 +16,9 @@ from .qos import check_override
 
 AXIS_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 
+#: Where the files of the memory are: `$ROS_HOME` (default `~/.ros`), the full name of the node.
+MEMORY_FOLDER = '$ROS_HOME/homing/<node>'
+
 #: A topic: absolute, relative, or under the node's name (~/).
 TOPIC_NAME = re.compile(r'(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
@@ -36,6 +39,7 @@ RESERVED = frozenset(
         'ready_timeout',
         'setpoint_interface',
         'home_sequence',
+        'memory',
         'qos_overrides',
         'use_sim_time',
         'start_type_description_service',
@@ -138,6 +142,12 @@ NODE_DEFINITIONS: Mapping[str, Definition] = table(
         default=True,
     ),
     Definition(
+        'folder of what is kept of the runs (empty: nothing is kept)',
+        str,
+        name='memory',
+        default=MEMORY_FOLDER,
+    ),
+    Definition(
         'groups of axes that home together, in order, e.g. ["z", "x, y"] '
         '(empty: one after another)',
         list,
@@ -201,6 +211,7 @@ class Configuration(NamedTuple):
     setpoint_lead: float
     setpoint_stamp: SetpointStamp
     home_sequence: tuple[tuple[str, ...], ...]
+    memory: str
 
     @property
     def joints(self) -> dict[str, str]:
@@ -266,6 +277,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         node['setpoint_lead'],
         node['setpoint_stamp'],
         sequence,
+        node['memory'],
     )
 
 

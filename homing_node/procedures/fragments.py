@@ -5,9 +5,18 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from .events import Event
-from .motions import AWAY_FAST, AWAY_SLOW, COME_TO_REST, FURTHER_AWAY, TO_HOME_POSITION, Bound
+from .motions import (
+    AWAY_FAST,
+    AWAY_SLOW,
+    COME_TO_REST,
+    FURTHER_AWAY,
+    QUICK_AWAY,
+    QUICK_TOWARD,
+    TO_HOME_POSITION,
+    Bound,
+)
 from .procedure import Procedure, Row
-from .states import HomeType, LimitPair, Role
+from .states import HomeType, LimitPair, Role, State
 from .steps import (
     HOME_SHIFT,
     HOME_SHIFT_MOVE,
@@ -79,6 +88,20 @@ def home_switch_clear(then: Step) -> Table:
     }
 
 
+def quick_way(state: State, met: Mapping[Event, Step], then: Step) -> Table:
+    """Return the quick way to the margin before the switch, for a run that knows where it is.
+
+    Args:
+        state: the home state that is published.
+        met: where an event leads that comes too early: into the ordinary run.
+        then: what follows at the margin.
+    """
+    return {
+        Step(state, 'quick'): Row(QUICK_TOWARD, {**met, Event.DONE: then}),
+        Step(state, 'quick, back'): Row(QUICK_AWAY, {Event.DONE: then}),
+    }
+
+
 #: The end of every table: the overrun, then the move to the home position plus the home shift.
 HOME_SHIFT_ROWS: Table = {
     HOME_SHIFT: Row(COME_TO_REST, {Event.DONE: HOME_SHIFT_MOVE}),
@@ -129,18 +152,25 @@ LIMITS_OF_TARGET: Mapping[LimitPair, Mapping[LimitPair, Role]] = {
 }
 
 
-def homes_on_switch(home_type: HomeType, home: str, words: str, *fragments: Table) -> Procedure:
+def homes_on_switch(
+    home_type: HomeType, home: str, words: str, *fragments: Table, quick: Table
+) -> Procedure:
     """Return a home type for which a limit ahead means the reversal."""
     rows = compose(*fragments, HOME_SHIFT_ROWS)
-    return Procedure(home_type, home, words, rows, LIMITS_REVERSE)
+    return Procedure(home_type, home, words, rows, LIMITS_REVERSE, quick=quick)
 
 
 def homes_on_limit(
-    home_type: HomeType, home: str, words: str, target: LimitPair, *fragments: Table
+    home_type: HomeType,
+    home: str,
+    words: str,
+    target: LimitPair,
+    *fragments: Table,
+    quick: Table,
 ) -> Procedure:
     """Return a home type whose reference is a limit switch."""
     rows = compose(*fragments, HOME_SHIFT_ROWS)
-    return Procedure(home_type, home, words, rows, LIMITS_OF_TARGET[target], target)
+    return Procedure(home_type, home, words, rows, LIMITS_OF_TARGET[target], target, quick)
 
 
 def homes_within_limits(

@@ -8,10 +8,11 @@ from .fragments import (
     home_switch_initially_on,
     homes_on_switch,
     limit_switch_during_homing,
+    quick_way,
 )
 from .motions import AWAY_SLOW, TOWARD_FAST, TOWARD_SLOW
 from .procedure import Row
-from .states import HomeType
+from .states import HomeType, State
 from .steps import (
     HOME_SHIFT,
     HS_AND_Z_PULSE_SEARCH,
@@ -57,6 +58,15 @@ HS = homes_on_switch(
     },
     home_switch_initially_on(then=HS_SEARCH),
     limit_switch_during_homing(then=HS_SEARCH),
+    quick=quick_way(
+        State.HSSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+            Event.HS_RISES: HS_CLEAR_REVERSE_AT_START,
+        },
+        then=HS_SEARCH,
+    ),
 )
 
 HSHS = homes_on_switch(
@@ -97,6 +107,15 @@ HSHS = homes_on_switch(
     home_switch_clear(then=SECOND_HS_SEARCH),
     home_switch_initially_on(then=SECOND_HS_SEARCH),
     limit_switch_during_homing(then=HS_SEARCH),
+    quick=quick_way(
+        State.HSSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+            Event.HS_RISES: HS_CLEAR_REVERSE,
+        },
+        then=SECOND_HS_SEARCH,
+    ),
 )
 
 HS_Z_PULSE = homes_on_switch(
@@ -133,6 +152,15 @@ HS_Z_PULSE = homes_on_switch(
     },
     home_switch_initially_on(then=HS_AND_Z_PULSE_SEARCH),
     limit_switch_during_homing(then=HS_AND_Z_PULSE_SEARCH),
+    quick=quick_way(
+        State.HSAndZPulseSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+            Event.HS_RISES: HS_CLEAR_REVERSE_AT_START,
+        },
+        then=HS_AND_Z_PULSE_SEARCH,
+    ),
 )
 
 HS_REVERSE_Z_PULSE = homes_on_switch(
@@ -163,6 +191,15 @@ HS_REVERSE_Z_PULSE = homes_on_switch(
     Z_PULSE_REVERSE_ROWS,
     home_switch_initially_on(then=HS_SEARCH),
     limit_switch_during_homing(then=HS_SEARCH),
+    quick=quick_way(
+        State.HSSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+            Event.HS_RISES: Z_PULSE_SEARCH_REVERSE,
+        },
+        then=HS_SEARCH,
+    ),
 )
 
 HS_TOUCH_PROBE = homes_on_switch(
@@ -200,6 +237,15 @@ HS_TOUCH_PROBE = homes_on_switch(
     home_switch_clear(then=TOUCH_PROBE_SEARCH),
     home_switch_initially_on(then=TOUCH_PROBE_SEARCH),
     limit_switch_during_homing(then=HS_SEARCH),
+    quick=quick_way(
+        State.HSSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+            Event.HS_RISES: HS_CLEAR_REVERSE,
+        },
+        then=HS_SEARCH,
+    ),
 )
 
 HS_REVERSE = homes_on_switch(
@@ -237,6 +283,15 @@ HS_REVERSE = homes_on_switch(
     },
     home_switch_initially_on(then=HS_SEARCH),
     limit_switch_during_homing(then=HS_SEARCH),
+    quick=quick_way(
+        State.HSSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_ON: HS_CLEAR_REVERSE_AT_START,
+            Event.HS_RISES: HS_FALLING_EDGE_SEARCH_REVERSE_SLOW,
+        },
+        then=HS_SEARCH,
+    ),
 )
 
 # -------------------------------------------------------------------- home switch, falling edge
@@ -262,6 +317,14 @@ HS_OFF = homes_on_switch(
         ),
     },
     limit_switch_during_homing(then=HS_OFF_SEARCH),
+    quick=quick_way(
+        State.HSOffSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_FALLS: HS_FALLING_EDGE_SEARCH_REVERSE,
+        },
+        then=HS_OFF_SEARCH,
+    ),
 )
 
 HS_OFF_Z_PULSE = homes_on_switch(
@@ -294,6 +357,14 @@ HS_OFF_Z_PULSE = homes_on_switch(
         ),
     },
     limit_switch_during_homing(then=HS_OFF_AND_Z_PULSE_SEARCH),
+    quick=quick_way(
+        State.HSOffAndZPulseSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_FALLS: HS_FALLING_EDGE_SEARCH_REVERSE,
+        },
+        then=HS_OFF_AND_Z_PULSE_SEARCH,
+    ),
 )
 
 HS_OFF_REVERSE_Z_PULSE = homes_on_switch(
@@ -321,6 +392,14 @@ HS_OFF_REVERSE_Z_PULSE = homes_on_switch(
     },
     Z_PULSE_REVERSE_ROWS,
     limit_switch_during_homing(then=HS_OFF_SEARCH),
+    quick=quick_way(
+        State.HSOffSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_FALLS: Z_PULSE_SEARCH_REVERSE,
+        },
+        then=HS_OFF_SEARCH,
+    ),
 )
 
 HS_OFF_REVERSE = homes_on_switch(
@@ -354,4 +433,12 @@ HS_OFF_REVERSE = homes_on_switch(
         ),
     },
     limit_switch_during_homing(then=HS_OFF_SEARCH),
+    quick=quick_way(
+        State.HSOffSearch,
+        {
+            Event.LIMIT_AHEAD: HS_FALLING_EDGE_SEARCH_REVERSE,
+            Event.HS_FALLS: SECOND_HS_SEARCH_REVERSE,
+        },
+        then=HS_OFF_SEARCH,
+    ),
 )

@@ -11,10 +11,11 @@ from .fragments import (
     Table,
     homes_on_limit,
     limit_switch_initially_on,
+    quick_way,
 )
 from .motions import AWAY_SLOW, TOWARD_FAST, TOWARD_SLOW, Bound
 from .procedure import Row
-from .states import HomeType, LimitPair
+from .states import HomeType, LimitPair, State
 from .steps import (
     HOME_SHIFT,
     LS_FALLING_EDGE_SEARCH_REVERSE,
@@ -45,6 +46,15 @@ LS_ROWS: Table = {
     **limit_switch_initially_on(then=LS_SEARCH),
 }
 
+LS_QUICK = quick_way(
+    State.LSSearch,
+    {
+        Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE,
+        Event.LS_RISES: LS_FALLING_EDGE_SEARCH_REVERSE,
+    },
+    then=LS_SEARCH,
+)
+
 LS_REVERSE_Z_PULSE_WORDS = """
 1. LSSearch: go toward, fast, until the {limit} limit switch rises.
 2. ZPulseSearchReverse: turn and go away, slow, until the limit falls.
@@ -68,6 +78,15 @@ LS_REVERSE_Z_PULSE_ROWS: Table = {
     **Z_PULSE_REVERSE_ROWS,
     **limit_switch_initially_on(then=LS_SEARCH),
 }
+
+LS_REVERSE_Z_PULSE_QUICK = quick_way(
+    State.LSSearch,
+    {
+        Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE,
+        Event.LS_RISES: Z_PULSE_SEARCH_REVERSE,
+    },
+    then=LS_SEARCH,
+)
 
 LS_OFF_WORDS = """
 1. LSSearch: go toward, fast, until the {limit} limit switch rises.
@@ -100,6 +119,15 @@ LS_OFF_ROWS: Table = {
     ),
     **limit_switch_initially_on(then=LS_SEARCH),
 }
+
+LS_OFF_QUICK = quick_way(
+    State.LSSearch,
+    {
+        Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE,
+        Event.LS_RISES: LS_FALLING_EDGE_SEARCH_REVERSE_SLOW,
+    },
+    then=LS_SEARCH,
+)
 
 LS_LS_WORDS = """
 1. LSSearch: go toward, fast, until the {limit} limit switch rises.
@@ -135,6 +163,15 @@ LS_LS_ROWS: Table = {
     **limit_switch_initially_on(then=LS_SEARCH_SECOND),
 }
 
+LS_LS_QUICK = quick_way(
+    State.LSSearch,
+    {
+        Event.LS_ON: LS_FALLING_EDGE_SEARCH_REVERSE,
+        Event.LS_RISES: LS_FALLING_EDGE_SEARCH_REVERSE,
+    },
+    then=LS_SEARCH_SECOND,
+)
+
 ON_ANOTHER_LS = 'CiA 402 knows the hardware limit switches only.'
 HARDWARE_OTHERS = 'Near and external limit switches ahead are ignored.'
 NEAR_OTHERS = (
@@ -151,6 +188,7 @@ LS = homes_on_limit(
     LS_WORDS.format(limit='hardware', others=HARDWARE_OTHERS),
     LimitPair.HARDWARE,
     LS_ROWS,
+    quick=LS_QUICK,
 )
 
 LS_REVERSE_Z_PULSE = homes_on_limit(
@@ -159,6 +197,7 @@ LS_REVERSE_Z_PULSE = homes_on_limit(
     LS_REVERSE_Z_PULSE_WORDS.format(limit='hardware', others=HARDWARE_OTHERS),
     LimitPair.HARDWARE,
     LS_REVERSE_Z_PULSE_ROWS,
+    quick=LS_REVERSE_Z_PULSE_QUICK,
 )
 
 NEAR_LS = homes_on_limit(
@@ -167,6 +206,7 @@ NEAR_LS = homes_on_limit(
     LS_WORDS.format(limit='near', others=NEAR_OTHERS),
     LimitPair.NEAR,
     LS_ROWS,
+    quick=LS_QUICK,
 )
 
 NEAR_LS_REVERSE_Z_PULSE = homes_on_limit(
@@ -175,6 +215,7 @@ NEAR_LS_REVERSE_Z_PULSE = homes_on_limit(
     LS_REVERSE_Z_PULSE_WORDS.format(limit='near', others=NEAR_OTHERS),
     LimitPair.NEAR,
     LS_REVERSE_Z_PULSE_ROWS,
+    quick=LS_REVERSE_Z_PULSE_QUICK,
 )
 
 EXTERNAL_LS = homes_on_limit(
@@ -183,6 +224,7 @@ EXTERNAL_LS = homes_on_limit(
     LS_WORDS.format(limit='external', others=EXTERNAL_OTHERS),
     LimitPair.EXTERNAL,
     LS_ROWS,
+    quick=LS_QUICK,
 )
 
 EXTERNAL_LS_REVERSE_Z_PULSE = homes_on_limit(
@@ -191,6 +233,7 @@ EXTERNAL_LS_REVERSE_Z_PULSE = homes_on_limit(
     LS_REVERSE_Z_PULSE_WORDS.format(limit='external', others=EXTERNAL_OTHERS),
     LimitPair.EXTERNAL,
     LS_REVERSE_Z_PULSE_ROWS,
+    quick=LS_REVERSE_Z_PULSE_QUICK,
 )
 
 LS_OFF = homes_on_limit(
@@ -201,6 +244,7 @@ LS_OFF = homes_on_limit(
     ),
     LimitPair.HARDWARE,
     LS_OFF_ROWS,
+    quick=LS_OFF_QUICK,
 )
 
 LS_LS = homes_on_limit(
@@ -209,6 +253,7 @@ LS_LS = homes_on_limit(
     LS_LS_WORDS.format(limit='hardware', others=HARDWARE_OTHERS, who='grbl homes like this.'),
     LimitPair.HARDWARE,
     LS_LS_ROWS,
+    quick=LS_LS_QUICK,
 )
 
 NEAR_LS_OFF = homes_on_limit(
@@ -217,6 +262,7 @@ NEAR_LS_OFF = homes_on_limit(
     LS_OFF_WORDS.format(limit='near', others=NEAR_OTHERS, who=ON_ANOTHER_LS),
     LimitPair.NEAR,
     LS_OFF_ROWS,
+    quick=LS_OFF_QUICK,
 )
 
 NEAR_LS_NEAR_LS = homes_on_limit(
@@ -225,6 +271,7 @@ NEAR_LS_NEAR_LS = homes_on_limit(
     LS_LS_WORDS.format(limit='near', others=NEAR_OTHERS, who=ON_ANOTHER_LS),
     LimitPair.NEAR,
     LS_LS_ROWS,
+    quick=LS_LS_QUICK,
 )
 
 EXTERNAL_LS_OFF = homes_on_limit(
@@ -233,6 +280,7 @@ EXTERNAL_LS_OFF = homes_on_limit(
     LS_OFF_WORDS.format(limit='external', others=EXTERNAL_OTHERS, who=ON_ANOTHER_LS),
     LimitPair.EXTERNAL,
     LS_OFF_ROWS,
+    quick=LS_OFF_QUICK,
 )
 
 EXTERNAL_LS_EXTERNAL_LS = homes_on_limit(
@@ -241,4 +289,5 @@ EXTERNAL_LS_EXTERNAL_LS = homes_on_limit(
     LS_LS_WORDS.format(limit='external', others=EXTERNAL_OTHERS, who=ON_ANOTHER_LS),
     LimitPair.EXTERNAL,
     LS_LS_ROWS,
+    quick=LS_LS_QUICK,
 )

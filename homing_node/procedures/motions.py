@@ -25,6 +25,7 @@ class Kind(TextEnum):
     FURTHER = 'further'  # on by the homing reverse distance, counted from the row's cause
     REST = 'rest'  # a stop
     HOME = 'home'  # to the home position plus the home shift distance
+    APPROACH = 'approach'  # to the rehome margin before where the switch was the last time
 
 
 class Pace(TextEnum):
@@ -33,6 +34,7 @@ class Pace(TextEnum):
     FAST = 'homing_velocity_fast'
     SLOW = 'homing_velocity_slow'
     SHIFT = 'home_shift'
+    QUICK = 'rehome'
 
 
 class Motion(NamedTuple):
@@ -57,6 +59,8 @@ AWAY_FAST = Motion(Kind.SEARCH, Way.AWAY, Pace.FAST, 'away, fast')
 AWAY_SLOW = Motion(Kind.SEARCH, Way.AWAY, Pace.SLOW, 'away, slow')
 FURTHER_AWAY = Motion(Kind.FURTHER, Way.AWAY, Pace.FAST, 'away, homing reverse distance')
 COME_TO_REST = Motion(Kind.REST, Way.NONE, Pace.SHIFT, 'come to rest')
+QUICK_TOWARD = Motion(Kind.APPROACH, Way.TOWARD, Pace.QUICK, 'toward, to the rehome margin')
+QUICK_AWAY = Motion(Kind.APPROACH, Way.AWAY, Pace.QUICK, 'away, to the rehome margin')
 TO_HOME_POSITION = Motion(Kind.HOME, Way.NONE, Pace.SHIFT, 'to the home position + home shift')
 
 

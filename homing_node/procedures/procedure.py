@@ -43,6 +43,8 @@ class Procedure:
         rows: its table; the first row is where the procedure begins.
         limits_ahead: what each limit ahead means.
         target: the limit that it homes on, None if it homes on none.
+        quick: the rows with which a run begins if it is known where the switch is: going toward,
+            and coming back from beyond. Empty if this type has none.
         first: the step in which it begins.
         events: all labels of its arrows.
     """
@@ -53,6 +55,7 @@ class Procedure:
     rows: Mapping[Step, Row]
     limits_ahead: Mapping[LimitPair, Role]
     target: LimitPair | None = None
+    quick: Mapping[Step, Row] = field(default_factory=dict)
     first: Step = field(init=False)
     events: frozenset[Event] = field(init=False)
 

@@ -85,6 +85,8 @@ class Error(TextEnum):
     ZPulseNotFound = 'ZPulseNotFound'
     EdgeNotRepeated = 'EdgeNotRepeated'
     IndexMarginError = 'IndexMarginError'
+    HomeMoved = 'HomeMoved'
+    NotHomed = 'NotHomed'
     Timeout = 'Timeout'
     Canceled = 'Canceled'
     EmergencyStop = 'EmergencyStop'
@@ -130,6 +132,22 @@ class FeedbackClock(TextEnum):
     auto = 'auto'
     stamp = 'stamp'
     arrival = 'arrival'
+
+
+class Encoder(TextEnum):
+    """What the feedback still knows after the drive was off."""
+
+    incremental = 'incremental'
+    single_turn = 'single_turn'
+    absolute = 'absolute'
+
+
+class Restore(TextEnum):
+    """Whether a home is taken over from before a restart of the node."""
+
+    never = 'never'
+    verify = 'verify'
+    trust = 'trust'
 
 
 class Direction(TextEnum):

@@ -36,6 +36,7 @@ FIXED = (
     'setpoint_lead',
     'setpoint_stamp',
     'serialized',
+    'memory',
     'joint',
 )
 

@@ -65,10 +65,10 @@ class GuardedAxis(Axis):
     set_servo = _guarded(Axis.set_servo)
     update = _guarded(Axis.update)
 
-    def home(self, now: float) -> Outcome | None:
+    def home(self, now: float, verify: bool = False) -> Outcome | None:
         """Start a run; return why it cannot start, None if it has."""
         try:
-            return super().home(now)
+            return super().home(now, verify)
         except Exception as error:
             self._break_off(error)
             self.abort(Error.InternalError, repr(error))

@@ -110,12 +110,17 @@ def home_message(outcomes: Mapping[str, Outcome]) -> str:
         return _warned(f'{failure.error}: {failure.message}', failure)
     homes = {axis: _warned(_home_text(one), one) for axis, one in outcomes.items()}
     several = len(homes) > 1
-    return 'Homed: ' + '; '.join(
+    verified = all(one.verified is not None for one in outcomes.values())
+    return ('Verified: ' if verified else 'Homed: ') + '; '.join(
         f'{axis}: {home}' if several else home for axis, home in homes.items()
     )
 
 
 def _home_text(outcome: Outcome) -> str:
+    if outcome.verified is not None:
+        unit = outcome.unit
+        difference = unit.length(outcome.verified, sign=True)
+        return f'{difference} ± {unit.length(outcome.verified_uncertainty)}'
     text = (
         f'home_position_raw={outcome.home_position_raw:.12g} '
         f'home_offset={outcome.home_offset:.12g} uncertainty={outcome.uncertainty:.3g}'
@@ -160,6 +165,7 @@ def axis_state(stamp: int, axis: Axis) -> AxisState:
         home_offset=float(outcome.home_offset),
         home_position_raw=float(axis.home_position_raw),
         uncertainty=float(outcome.uncertainty),
+        home_source=axis.home_source if axis.homed else 'none',
     )
     message.header.stamp = to_stamp(stamp)
     return message
@@ -188,13 +194,14 @@ def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
     if outcome.error is not Error.NoError:
         level, text = DiagnosticStatus.ERROR, f'{outcome.error}: {outcome.message}'
     elif not axis.homed and not axis.running:
-        level, text = DiagnosticStatus.WARN, 'not homed'
-    elif outcome.warnings:
-        level, text = DiagnosticStatus.WARN, f'{text}; {"; ".join(outcome.warnings)}'
+        level, text = DiagnosticStatus.WARN, '; '.join(['not homed', *axis.notes])
+    elif notes := [*_restored(axis), *outcome.warnings, *axis.notes]:
+        level, text = DiagnosticStatus.WARN, f'{text}; {"; ".join(notes)}'
     history = axis.history
     values = {
         'state': axis.state,
         'homed': axis.homed,
+        'home_source': axis.home_source if axis.homed else 'none',
         'error': outcome.error,
         'home_position_raw': outcome.home_position_raw,
         'home_offset': outcome.home_offset,
@@ -204,6 +211,7 @@ def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
         'runs_homed': history.homed,
         'home_range': history.range,
         'home_deviation': history.deviation,
+        'memory': '; '.join(axis.notes),
     }
     return DiagnosticStatus(
         level=level,
@@ -212,3 +220,9 @@ def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
         hardware_id=f'{node}/{axis.name}',
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )
+
+
+def _restored(axis: Axis) -> list[str]:
+    """Return the warning for a home that was taken over and not verified."""
+    restored = axis.home_source == 'restored'
+    return ['the home was restored from before a restart; verify it'] if restored else []

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run may know from earlier runs, and what it has seen itself."""
+
+from typing import NamedTuple
+
+from ..procedures.states import Input
+from .signals import Edge, Mark
+
+#: A run keeps no more edges than these, and no more latches: a contact may bounce for ever.
+MOST_SEEN = 100
+
+
+class Remembered(NamedTuple):
+    """Where earlier runs have found things; m or rad.
+
+    Attributes:
+        approach: where the search for the switch ended: a quick run goes to a margin before it.
+        home: where home was.
+        uncertainty: how far that may be off.
+    """
+
+    approach: float
+    home: float
+    uncertainty: float
+
+    def mirrored(self, sign: float) -> 'Remembered':
+        """Return the same in the other frame: raw, or *toward*."""
+        return Remembered(sign * self.approach, sign * self.home, self.uncertainty)
+
+
+class Seen:
+    """The edges and latches of one run, in the *toward* frame.
+
+    Attributes:
+        edges: every edge whose way of travel is known; their places may still be refined.
+        latches: every latched position, with its input.
+        approach: where the last search for a switch going toward ended, None if there was none.
+    """
+
+    __slots__ = ('edges', 'latches', 'approach')
+
+    def __init__(self) -> None:
+        self.edges: list[Edge] = []
+        self.latches: list[tuple[Input, float]] = []
+        self.approach: Mark | None = None
+
+    def edge(self, edge: Edge) -> None:
+        if len(self.edges) < MOST_SEEN:
+            self.edges.append(edge)
+
+    def latch(self, source: Input, position: float) -> None:
+        if len(self.latches) < MOST_SEEN:
+            self.latches.append((source, position))
