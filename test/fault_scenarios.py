@@ -998,11 +998,12 @@ BETWEEN = (
 
 #: Why a scenario cannot occur here.
 ELSEWHERE = {
-    '33': 'Drift by temperature: the node keeps nothing between runs, so nothing can be out of '
-    'date. Every run measures the margin between switch and index and warns before it is '
-    'used up (`index_margin`).',
-    '36': 'Power lost while a record is written: the node writes no record and trusts none. A '
-    'restarted node knows no home.',
+    '33': 'Drift by temperature: nothing is taken from earlier runs without a look at the switch. '
+    'Every run measures the margin between switch and index and warns before it is used up '
+    '(`index_margin`); a home that drifts from run to run is told ([memory.md](memory.md)).',
+    '36': 'Power lost while a file is written: it is the old one or the new one, whichever byte '
+    'was the last (`test_memory_store.py`). A restarted node takes a home over only where that '
+    'is proved ([memory.md](memory.md)).',
     '41': 'A gantry with one of its switches on at the start: an axis here has one '
     'home switch; two coupled motors are two axes, and nothing watches their skew.',
 }

@@ -134,6 +134,7 @@ class Process:
             'ROS_DOMAIN_ID': str(domain.number),
             'PYTHONFAULTHANDLER': '1',
             'ROS_LOG_DIR': str(folder / 'log'),
+            'ROS_HOME': str(folder / 'ros_home'),
         }
         with self._log.open('w') as log:
             self.process = subprocess.Popen(

@@ -333,6 +333,7 @@ def test_every_parameter_that_is_named_exists():
         'home_sequence',
         'home_position_raw',
         'home_offset',
+        'home_source',
         'home_types',
     }
     named = {name for name in re.findall(r'`([a-z_]+)`', text) if name.startswith(prefixes)}

@@ -98,12 +98,13 @@ def test_the_failing_disk_finds_a_store_that_does_not_sync(leave_out, monkeypatc
 def test_what_was_saved_is_loaded_on_a_real_disk(tmp_path):
     store = Store(tmp_path / 'x.jsonl', HEAD, Disk())
     assert store.load() == Contents()
-    runs = [run(1), run(2, error='Timeout', home=None), run(3, quantities={'flag width': 0.01})]
+    width = {'the width of the flag': (0.01, 1e-6)}
+    runs = [run(1), run(2, error='Timeout', home=None), run(3, quantities=width)]
     store.save(REST, runs)
     again = Store(tmp_path / 'x.jsonl', HEAD, Disk()).load()
     assert again.rest == REST and again.whole
     assert again.runs[1] == runs[1]
-    assert again.runs[2].quantities == {'flag width': 0.01}
+    assert again.runs[2].quantities == width
     assert again.runs[0] == runs[0]
     assert sorted(path.name for path in tmp_path.iterdir()) == ['x.jsonl']
     for line in (tmp_path / 'x.jsonl').read_text().splitlines():

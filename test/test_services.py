@@ -19,16 +19,21 @@ def test_what_was_told_before_a_request_counts_before_it():
         clock.polled = 2.0
         done.append('poll')
 
-    def home(names, owner, now):
+    def home(names, owner, now, verify=False):
         assert lock.locked()
         assert now == 2.0  # no message that was polled is from later
         done.append('home')
         return Outcome(Error.Busy, 'busy')
 
-    services = Services(SimpleNamespace(home=home), None, clock, lock, poll, None)
+    def look():
+        assert lock.locked()
+        done.append('look')
+
+    memories = SimpleNamespace(look=look)
+    services = Services(SimpleNamespace(home=home), None, clock, lock, poll, None, memories)
     serving = services.home(['x'], 'me')(None, SimpleNamespace())
     try:
         serving.send(None)
     except StopIteration as ended:
         assert ended.value.message == 'Busy: busy'
-    assert done == ['poll', 'home']
+    assert done == ['poll', 'look', 'home']

@@ -13,8 +13,6 @@ from .disk import Disk
 from .records import Head
 from .store import Store
 
-#: The value of the parameter `memory` that users need not set.
-DEFAULT = '$ROS_HOME/homing/<node>'
 #: The end of the name of a file of an axis, and the name of the lock.
 SUFFIX, LOCK = '.jsonl', 'lock'
 

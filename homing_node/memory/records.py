@@ -6,7 +6,7 @@ order of the runs is that of their numbers.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, TypeVar
 
 #: The version of the file's format.
@@ -47,6 +47,8 @@ class Rest:
         configuration: The hash of everything that moves the origin.
         joint: The joint.
         encoder: The kind of encoder.
+        turn: The travel of its turn, if it knows its place in a turn only; 0 if not.
+        unit: The unit of the axis.
         publisher: Who published the feedback.
         boot: The boot of the host.
         time: When it was written, s.
@@ -62,6 +64,8 @@ class Rest:
     configuration: str = ''
     joint: str = ''
     encoder: str = ''
+    turn: float = 0.0
+    unit: str = 'm'
     publisher: str = ''
     boot: str = ''
     time: float = 0.0
@@ -84,7 +88,8 @@ class Run:
         slow: The slow one.
         frame: What says that two raw positions can be compared: equal frames.
         configuration: The hash of everything that moves the origin.
-        quantities: What is compared from run to run, by name.
+        quantities: What is compared from run to run, and its uncertainty, by name.
+        pitch: The pitch of the index; 0: there is none, or it is not known.
         seen: Every edge and latch: (input, rises, way, position, uncertainty). Of a latch, rises
             is None.
         approach: Where the search for the switch ended, raw: where a quick run goes; None if no
@@ -105,7 +110,8 @@ class Run:
     slow: float = 0.0
     frame: str = ''
     configuration: str = ''
-    quantities: Mapping[str, float] = field(default_factory=dict)
+    quantities: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    pitch: float = 0.0
     seen: tuple[tuple[str, bool | None, int, float, float], ...] = ()
     approach: float | None = None
     temperature: float | None = None
@@ -114,6 +120,16 @@ class Run:
     def __post_init__(self) -> None:
         """Make lists tuples: JSON has only lists."""
         object.__setattr__(self, 'seen', tuple((*one,) for one in self.seen))
+        pairs = {name: (*pair,) for name, pair in self.quantities.items()}
+        object.__setattr__(self, 'quantities', pairs)
+
+    def but_accepted(self) -> 'Run':
+        """Return the run as the first one of a new baseline."""
+        return replace(self, accepted=True, error='NoError')
+
+    def but_moved(self) -> 'Run':
+        """Return the run with the error that its home has moved."""
+        return replace(self, error='HomeMoved')
 
 
 KINDS: Mapping[str, type] = {'head': Head, 'rest': Rest, 'run': Run}

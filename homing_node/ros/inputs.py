@@ -203,6 +203,11 @@ class Inputs:
         for data, info in waiting(self._next_feedback):
             self._take_feedback(data, info)
 
+    @property
+    def feedback_topic(self) -> str:
+        """The full name of the topic of the feedback."""
+        return str(self._feedback_topic)
+
     def conflict(self, name: str, publishers_of: Callable[[str], list[str]]) -> Outcome | None:
         """Return which topic of an axis has two publishers, else None.
 

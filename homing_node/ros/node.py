@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The homing node: topics, services and parameters around the axes.
 
-Three threads. The *cycle* (cycle.py) polls the inputs, updates the axes and publishes setpoints on
+Four threads. The *cycle* (cycle.py) polls the inputs, updates the axes and publishes setpoints on
 a fixed grid. The *executor* (the main thread) answers services and parameters. The *reports*
-publish all that is not a setpoint. ``_lock`` guards the axes; nothing is published or waited for
-while it is held.
+publish all that is not a setpoint. The *memory* writes files. ``_lock`` guards the axes; nothing
+is published or waited for while it is held.
 """
 
 import threading
@@ -37,6 +37,7 @@ from .cycle import Cycle, late_cycle
 from .guarded_axis import GuardedAxis
 from .inputs import LATCHED, Inputs
 from .joint_order import JointOrder
+from .memory import Memories
 from .polling import Polled, never_called
 from .readiness import Readiness
 from .reports import Publishers, Reports
@@ -134,6 +135,15 @@ class HomingNode(ConfiguredNode):
             self._waits.future,
             checked.ready_timeout,
         )
+        self._memories = Memories(
+            self,
+            self._axes,
+            checked.memory,
+            self.topics_of,
+            self._inputs.feedback_topic,
+            self._lock,
+            group,
+        )
         self._create_publishers()
         self._create_services(group)
         self._cycle = Cycle(
@@ -213,6 +223,7 @@ class HomingNode(ConfiguredNode):
             self._lock,
             self._inputs.poll,
             self._waits.pause,
+            self._memories,
         )
 
         def serve(kind: Any, name: str, callback: Any) -> None:
@@ -220,6 +231,10 @@ class HomingNode(ConfiguredNode):
 
         for name, axis in self._axes.items():
             serve(Trigger, f'~/{name}/home', services.home([name], f'~/{name}/home'))
+            serve(
+                Trigger, f'~/{name}/verify', services.home([name], f'~/{name}/verify', verify=True)
+            )
+            serve(Trigger, f'~/{name}/accept_home', services.accept_home(axis))
             serve(Trigger, f'~/{name}/cancel', services.cancel([name]))
             serve(Trigger, f'~/{name}/continue', services.resume(axis))
             serve(SetBool, f'~/{name}/servo', services.servo(axis))
@@ -230,15 +245,21 @@ class HomingNode(ConfiguredNode):
             services.cancel_goal(goal)
             return CancelResponse.ACCEPT
 
-        self._action = ActionServer(
-            self,
-            Home,
-            '~/home',
-            services.execute,
-            callback_group=group,
-            handle_accepted_callback=services.accept,
-            cancel_callback=cancel,
-        )
+        def act(name: str, execute: Any) -> ActionServer:
+            return ActionServer(
+                self,
+                Home,
+                name,
+                execute,
+                callback_group=group,
+                handle_accepted_callback=services.accept,
+                cancel_callback=cancel,
+            )
+
+        self._actions = [
+            act('~/home', services.execute),
+            *(act(f'~/{name}/verify', services.verify(name)) for name in self._axes),
+        ]
 
     def _ros_time(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -261,6 +282,7 @@ class HomingNode(ConfiguredNode):
         """Give an axis new parameters, which it has at its next run."""
         with self._lock:
             self._axes[axis].configure(parameters)
+            self._memories.configure(axis, parameters)
             self._inputs.wire(axis, self.topics_of(axis))
             self._note_wiring()
 
@@ -284,6 +306,9 @@ class HomingNode(ConfiguredNode):
     def start(self) -> None:
         """Start the threads; the caller spins the executor."""
         self._cycle.start()
+        ended = self._cycle.finished.is_set
+        self._writer = threading.Thread(target=self._memories.run, args=(ended,), name='memory')
+        self._writer.start()
 
     def stop(self) -> None:
         """Stop every axis, answer every request, then finish."""
@@ -292,6 +317,7 @@ class HomingNode(ConfiguredNode):
     def join(self) -> None:
         """Wait for the threads."""
         self._cycle.join()
+        self._writer.join()
 
     @property
     def finished(self) -> bool:

@@ -20,6 +20,7 @@ from ..core.outcome import Outcome
 from ..core.request import Request
 from ..procedures.states import Error
 from . import messages
+from .memory import Memories
 from .reports import Reports
 from .timebase import TimeBase
 
@@ -43,18 +44,19 @@ class Services:
         lock: threading.Lock,
         poll: Callable[[], None],
         pause: Callable[[float], Future],
+        memories: Memories,
     ) -> None:
         self._dispatch, self._reports = dispatch, reports
         self._timebase, self._lock, self._poll = timebase, lock, poll
-        self._pause = pause
+        self._pause, self._memories = pause, memories
         self._goals: dict[bytes, Request] = {}
         self.open = 0
 
-    def home(self, names: Sequence[str], owner: str) -> Any:
-        """Return a server that homes some axes and answers when they have ended."""
+    def home(self, names: Sequence[str], owner: str, verify: bool = False) -> Any:
+        """Return a server that homes some axes, or verifies, and answers when they have ended."""
 
         async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            outcomes = await self._home(names, owner)
+            outcomes = await self._home(names, owner, verify=verify)
             response.success = all(outcome.success for outcome in outcomes.values())
             response.message = messages.home_message(outcomes)
             return response
@@ -99,6 +101,23 @@ class Services:
 
         return serve
 
+    def accept_home(self, axis: Axis) -> Any:
+        """Return a server that accepts a home that has moved."""
+
+        def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            with self._lock:
+                if axis.running:
+                    response.message = f'{Error.Busy}: axis {axis.name} is homing ({axis.state})'
+                    return response
+                accepted = self._memories.accept(axis)
+                self._reports.report(axis)
+            response.success = bool(accepted)
+            nothing = f'{Error.NotHomed}: axis {axis.name} has found no home that can be accepted'
+            response.message = accepted or nothing
+            return response
+
+        return serve
+
     async def accept(self, goal: Any) -> None:
         """Execute a goal once its client can have the acceptance.
 
@@ -112,9 +131,23 @@ class Services:
     async def execute(self, goal: Any) -> Home.Result:
         """Run a goal of the action; a refused goal is aborted, and its result says why."""
         names = list(dict.fromkeys(goal.request.axes)) or self._dispatch.names
+        return await self._execute(goal, names, '~/home (action)', False)
+
+    def verify(self, name: str) -> Any:
+        """Return what runs a goal that verifies the home of an axis."""
+
+        async def execute(goal: Any) -> Home.Result:
+            names = list(dict.fromkeys([name, *goal.request.axes]))
+            return await self._execute(goal, names, f'~/{name}/verify (action)', True)
+
+        return execute
+
+    async def _execute(
+        self, goal: Any, names: Sequence[str], owner: str, verify: bool
+    ) -> Home.Result:
         key = bytes(goal.goal_id.uuid)
         self._reports.follow(goal, names)
-        outcomes = await self._home(names, '~/home (action)', key, goal.is_cancel_requested)
+        outcomes = await self._home(names, owner, key, goal.is_cancel_requested, verify)
         self._reports.unfollow(goal)
         canceled = goal.is_cancel_requested
         self._goals.pop(key, None)
@@ -143,14 +176,20 @@ class Services:
                 request.cancel(request.names)
 
     async def _home(
-        self, names: Sequence[str], owner: str, key: bytes = b'', canceled: bool = False
+        self,
+        names: Sequence[str],
+        owner: str,
+        key: bytes = b'',
+        canceled: bool = False,
+        verify: bool = False,
     ) -> dict[str, Outcome]:
         """Home some axes and return how each of them ended, or by '' why none was started."""
         if canceled:
             return {'': Outcome(Error.Canceled, 'canceled before anything moved')}
         with self._lock:
             self._poll()
-            started = self._dispatch.home(names, owner, self._timebase.polled)
+            self._memories.look()
+            started = self._dispatch.home(names, owner, self._timebase.polled, verify)
             if isinstance(started, Outcome):
                 return {'': started}
             future = self._dispatch.waiter(started)
