@@ -46,7 +46,7 @@ PURE_LIBRARY = {
 #: The rooms that know ROS.
 ROS_ROOMS = ['ros', 'client']
 #: Verbs of the command that need ROS: they import it when they run, so that the others do not.
-ROS_VERBS = {'cli/doctor.py'}
+ROS_VERBS = {'cli/doctor.py', 'cli/repeat.py'}
 #: What the node never needs.
 TOOLS = {'rehearsal', 'convert', 'figures', 'cli', 'client', 'course'}
 ROS = {

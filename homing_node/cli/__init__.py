@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `homing`. Only `homing doctor` needs ROS.
+"""The command `homing`. Only `homing doctor` and `homing repeat` need ROS.
 
 Each verb is a module here with its help texts, its arguments, and `run`, which returns the exit
 status.
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from importlib import metadata
 
 from ..plant import layout_file
-from . import check, convert, diagram, doctor, explain, plot, run, types
+from . import check, convert, diagram, doctor, explain, history, plot, repeat, run, types
 from .common import INTERRUPTED, OK, USAGE, Failure
 
 STATUS = """\
@@ -24,11 +24,14 @@ exit status:
 """
 
 MAIN = """\
-Checks, rehearses and draws the homing of machine axes. Nothing moves; only `doctor` needs ROS.
+Checks, rehearses and draws the homing of machine axes. Only `repeat` moves
+anything; only `doctor` and `repeat` need ROS.
 
   homing check axes.yaml --layout machine.yaml     prove a configuration before the first motion
   homing run axes.yaml --layout machine.yaml       rehearse it: how long, which way, where to
   homing doctor                                    look at the running system, reading only
+  homing repeat x                                  home ten times: how far do the homes spread?
+  homing history x                                 what the memory says: has the switch moved?
   homing plot run.npz                              draw a run
   homing diagram HSHS                              draw what a home type does
   homing types                                     list the home types and their CiA 402 numbers
@@ -42,6 +45,8 @@ COMMANDS = {
     'check': check,
     'run': run,
     'doctor': doctor,
+    'repeat': repeat,
+    'history': history,
     'plot': plot,
     'diagram': diagram,
     'types': types,
