@@ -977,7 +977,7 @@ def test_no_run_takes_less_than_the_least_time(home_type):
 
 GRID = [
     pytest.param(
-        *(home_type, velocity, latency), marks=[pytest.mark.long] if velocity == 0.02 else []
+        *(home_type, velocity, latency), marks=[] if velocity == 0.05 else [pytest.mark.long]
     )
     for home_type in ('HS', 'HSHS', 'HSOff', 'LS', 'LSReverseZPulse', 'TouchProbe')
     for velocity in (0.02, 0.05, 0.1)
@@ -1111,7 +1111,7 @@ def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocit
 
 
 @pytest.mark.parametrize('direction', [1, pytest.param(-1, marks=pytest.mark.long)])
-@pytest.mark.parametrize('reverse', [0.0, 0.003, 0.03])
+@pytest.mark.parametrize('reverse', [0.0, 0.003, pytest.param(0.03, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     'acceleration, deceleration, feedback_rate',
     [(0.3, 1.0, None), (1.0, 0.3, None), (0.3, 1.0, 25.0)],

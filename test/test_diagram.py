@@ -25,6 +25,15 @@ TYPES = ROOT / 'doc' / 'types'
 every_type = pytest.mark.parametrize(
     'procedure', PROCEDURES.values(), ids=[str(home_type) for home_type in PROCEDURES]
 )
+#: Drawing takes half a second: make test draws every fifth type, make test-long the others.
+some_types = pytest.mark.parametrize(
+    'procedure',
+    [
+        pytest.param(procedure, marks=[pytest.mark.long] if n % 5 else [])
+        for n, procedure in enumerate(PROCEDURES.values())
+    ],
+    ids=[str(home_type) for home_type in PROCEDURES],
+)
 
 
 @every_type
@@ -200,7 +209,7 @@ def docs():
     return module
 
 
-@every_type
+@some_types
 def test_a_figure_shows_the_run_as_it_is(docs, procedure: Procedure) -> None:
     """One run of each type, in turn another one: all are drawn by the same code."""
     home_type = procedure.home_type

@@ -22,7 +22,7 @@ from homing_node.procedures.states import Error
 from homing_node.rehearsal.run import Rehearsal, Transport
 
 #: Tests for each driver, and runs in each test.
-BATCHES, RUNS = (50, 100) if os.environ.get('HOMING_FUZZ') else (1, 40)
+BATCHES, RUNS = (50, 100) if os.environ.get('HOMING_FUZZ') else (1, 24)
 #: What computing rounds, m.
 ROUNDING = 1e-9
 TYPES = ('HS', 'HSHS', 'HSOff', 'LS')
