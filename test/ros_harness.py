@@ -13,6 +13,7 @@ import sys
 import tempfile
 import threading
 import time
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -26,6 +27,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -173,13 +175,21 @@ class Process:
         return self.process.returncode
 
 
-class Heard(NamedTuple):
-    """A message that was recorded; times are the system's, ns."""
+class Heard:
+    """A message that was recorded; times are the system's, ns.
 
-    message: object
-    sequence: int
-    sent: int
-    received: int
+    It is made of its bytes when it is first looked at: most are not, and the test's process is
+    often the plant, too.
+    """
+
+    def __init__(self, kind, data, info):
+        self._kind, self._data = kind, data
+        self.sequence = info['publication_sequence_number']
+        self.sent, self.received = info['source_timestamp'], info['received_timestamp']
+
+    @cached_property
+    def message(self):
+        return deserialize_message(self._data, self._kind)
 
 
 class Asking:
@@ -280,16 +290,9 @@ class Client:
     def _drain(self):
         for subscription, heard in self._recordings:
             handle, kind = subscription.handle, subscription.msg_type
-            while (taken := handle.take_message(kind, False)) is not None:
-                message, info = taken
-                heard.append(
-                    Heard(
-                        message,
-                        info['publication_sequence_number'],
-                        info['source_timestamp'],
-                        info['received_timestamp'],
-                    )
-                )
+            while (taken := handle.take_message(kind, True)) is not None:
+                data, info = taken
+                heard.append(Heard(kind, data, info))
 
     def forget(self, *records):
         """End some recordings: each takes its time of every message."""
@@ -488,8 +491,11 @@ class HandPlant:
                     list(self.positions), list(self.positions.values()), 10_000.0, True
                 )
             before = now
-            while (taken := handle.take_message(JointTrajectory, False)) is not None:
-                controller.take(taken[0], now)
+            newest = None
+            while (taken := handle.take_message(JointTrajectory, True)) is not None:
+                newest = taken[0]
+            if newest is not None:  # a controller plays the newest message only
+                controller.take(deserialize_message(newest, JointTrajectory), now)
             commands = controller.update(now)
             self.positions.update({joint: command[0] for joint, command in commands.items()})
             if stamp is not None:
