@@ -426,6 +426,8 @@ class HandPlant:
         self.client = client
         self.positions = dict(positions)
         self.silent = False  # no feedback
+        self.drift = {}  # of an axis that something else moves, m/s
+        self.hard_stops = {}  # no axis gets further
         self.held = False  # nothing at all, not even the clock
         self.sim_time = None  # ns, of /clock while time is simulated
         self._node = rclpy.create_node(
@@ -497,7 +499,10 @@ class HandPlant:
             if newest is not None:  # a controller plays the newest message only
                 controller.take(deserialize_message(newest, JointTrajectory), now)
             commands = controller.update(now)
-            self.positions.update({joint: command[0] for joint, command in commands.items()})
+            for joint, command in commands.items():
+                self.positions[joint] = min(command[0], self.hard_stops.get(joint, command[0]))
+            for joint, velocity in self.drift.items():
+                self.positions[joint] += velocity * self.PERIOD
             if stamp is not None:
                 self.sim_time = stamp = stamp + round(self.PERIOD * 1e9)
                 self._clock.publish(Clock(clock=_stamp(stamp)))

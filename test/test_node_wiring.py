@@ -15,6 +15,9 @@ AXES = {
     'right': {'switches': [HOME], 'topics': {HOME: '/io/shared'}},
     # both limits in series
     'series': {'topics': {POSITIVE: '/io/limits', NEGATIVE: '/io/limits'}},
+    # case 13: something else moves it; case 23: its switches are dead
+    'moving': {},
+    'jammed': {'homing_velocity_fast': 0.06, 'following_error': 0.0},
     # case 21: normally closed, and nobody told so
     'closed': {'max_search_distance': 0.02},
 }
@@ -129,3 +132,30 @@ def test_case_21_a_polarity_that_was_forgotten_is_named(client, plant):
     answer = client.answer(future)
     assert not answer.success
     assert 'invert_hs_polarity' in answer.message, answer.message
+
+
+def test_case_13_an_axis_that_something_else_moves(client, plant):
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    plant.drift['moving'] = -0.02
+    answer = client.trigger('moving/home')
+    assert answer.message.startswith('AxisMoving: axis moving: '), answer.message
+    assert 'the axis moves at 0.0' in answer.message
+    assert not setpoints
+    plant.drift['moving'] = 0.0
+    future = client.start('moving')
+    first = client.until(lambda: ros.course_of(setpoints, 'moving'))[0]
+    assert first.velocity == 0.0
+    assert abs(first.position - plant.positions['moving']) < 1e-3
+    assert client.trigger('moving/cancel').success
+    client.answer(future)
+
+
+def test_case_23_dead_switches_end_soon_behind_the_hard_stop(client, plant):
+    """And case 5: an axis that does not follow is never homed."""
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    plant.hard_stops['jammed'] = plant.positions['jammed'] + 0.02
+    answer = client.answer(client.start('jammed'))
+    assert answer.message.startswith('FollowingError: axis jammed: '), answer.message
+    furthest = max(one.position for one in ros.course_of(setpoints, 'jammed'))
+    # The default of following_error, and the way of a busy machine in 50 ms.
+    assert furthest - plant.hard_stops['jammed'] < 0.06 * 0.05 + 0.001 + 0.06 * 0.05
