@@ -136,7 +136,9 @@ def test_case_21_a_polarity_that_was_forgotten_is_named(client, plant):
 
 def test_case_13_an_axis_that_something_else_moves(client, plant):
     setpoints = client.record(JointTrajectory, 'setpoints')
+    begun = plant.positions['moving']
     plant.drift['moving'] = -0.02
+    client.until(lambda: plant.positions['moving'] < begun - 0.004)
     answer = client.trigger('moving/home')
     assert answer.message.startswith('AxisMoving: axis moving: '), answer.message
     assert 'the axis moves at 0.0' in answer.message
