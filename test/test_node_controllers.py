@@ -2,8 +2,10 @@
 """The node and the controller behind its setpoints, between real processes."""
 
 import json
+import signal
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -298,28 +300,74 @@ def test_an_unknown_listener_of_positions_gets_the_axes_held_first(cell):
     assert abs(messages[len(still)].message.data[0] - held[0]) < 1e-4  # the run begins there
 
 
-def test_commands_by_name_for_all_joints_of_the_controller(tmp_path):
-    """In the order of `position_joints`; a joint that no axis homes stays where it is."""
+#: The joints of a controller that takes commands by name, in its order.
+JOINTS = ['y', 'other', 'x']
+
+
+@pytest.fixture(scope='module')
+def named(tmp_path_factory):
+    """Return a world whose setpoints are commands by name; y is long."""
     kind = pytest.importorskip('control_msgs.msg').MultiDOFCommand
-    joints = ['y', 'other', 'x']
+    ends = {'hard_stops': [-1.0, 5.0], 'home_switch': [4.0, 4.1]}
+    long = {
+        **ends,
+        'negative_limit_switch': [-2.0, -0.5],
+        'positive_limit_switch': [4.5, 6.0],
+    }
+    home = {'home_type': 'HS', 'following_error': 0.05}
     with ros.World(
-        tmp_path,
+        tmp_path_factory.mktemp('named'),
         ros.node_parameters(
-            {'x': {'home_type': 'HS'}, 'y': {}},
+            {'x': home, 'y': {**home, 'travel': 5.0}},
             setpoint_interface='dof',
-            position_joints=joints,
+            position_joints=JOINTS,
             ready_timeout=5.0,
         ),
-        ros.plant_parameters({name: {} for name in joints}, setpoint_interface='dof'),
+        ros.plant_parameters(
+            {name: long if name == 'y' else {} for name in JOINTS}, setpoint_interface='dof'
+        ),
     ) as world:
-        messages = world.client.record(kind, 'dof_commands')
-        answer = world.client.home('x')['x']
-        assert answer.success, answer.message
-        heard = [one.message for one in messages]
-        assert all(one.dof_names == joints for one in heard)
-        assert {tuple(one.values[:2]) for one in heard} == {tuple(heard[0].values[:2])}
-        assert heard[0].values == pytest.approx([0.04] * 3, abs=1e-4)
-        assert max(one.values_dot[2] for one in heard) == pytest.approx(0.05)
+        world.commands = world.client.record(kind, 'dof_commands')
+        yield world
+
+
+def test_commands_by_name_for_all_joints_of_the_controller(named):
+    """In the order of `position_joints`; a joint that no axis homes stays where it is."""
+    answer = named.client.home('x')['x']
+    assert answer.success, answer.message
+    heard = [one.message for one in named.commands]
+    assert all(one.dof_names == JOINTS for one in heard)
+    assert {tuple(one.values[:2]) for one in heard} == {tuple(heard[0].values[:2])}
+    assert heard[0].values == pytest.approx([0.04] * 3, abs=1e-4)
+    assert max(one.values_dot[2] for one in heard) == pytest.approx(0.05)
+
+
+def test_a_node_that_was_held_up_begins_from_rest(named):
+    """The controller held the last value meanwhile: at full speed the next would be a jerk."""
+    client, commands = named.client, named.commands
+    asking = client.asking_to_home('y')
+    commands.clear()
+    client.until(
+        lambda: (
+            asking.answer() is None and commands and commands[-1].message.values_dot[0] > 0.0499
+        )
+    )
+    named.node.signal(signal.SIGSTOP)
+    client.pass_time(0.1)
+    named.node.signal(signal.SIGCONT)
+    count = len(commands)
+    client.until(
+        lambda: len(commands) > count + 20 and commands[-1].message.values_dot[0] > 0.0499
+    )
+    client.trigger('y/cancel')
+    values = [one.message.values[0] for one in commands]
+    steps = [b - a for a, b in pairwise(values)]
+    assert min(steps) >= 0.0 and max(steps) <= 1.001 * 0.05 * 0.004
+    pauses = [b.sent - a.sent for a, b in pairwise(commands)]
+    longest = pauses.index(max(pauses))
+    assert pauses[longest] > 0.09e9
+    assert max(steps[:longest]) > 0.0499 * 0.004
+    assert steps[longest] < 0.02 * 0.05 * 0.004  # jerk 20 m/s^3 for a period
 
 
 def test_an_unknown_listener_with_another_order_is_noticed_before_a_run(tmp_path):

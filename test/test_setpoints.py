@@ -482,6 +482,45 @@ def test_when_the_servo_goes_off_the_controller_ends_where_the_axis_is(speed, be
     assert played.commands[-50:] == [pytest.approx(place, abs=1e-9)] * 50  # within 0.14 s
 
 
+def test_the_return_of_one_axis_goes_on_while_another_moves():
+    """The controller stops a joint that the next message lacks."""
+    played = Played(0.05)
+    axis, place = played.cell.axes['x'], 0.05
+    for name in 'xy':
+        played.cell.home(name)
+    for _ in range(100):
+        place = played.cycle(place)
+    place -= 0.002
+    axis.set_servo(False)
+    for _ in range(60):
+        played.cycle(place)
+    assert played.cell.axes['y'].running
+    assert played.commands[-1] == pytest.approx(place, abs=1e-9)
+    last = deserialize_message(played.cell.published[-1], JointTrajectory)
+    assert last.joint_names == ['y']
+
+
+def test_a_run_begins_without_a_step_as_soon_as_the_servo_is_back():
+    played = Played(0.05)
+    played.cell.home('x')
+    axis, place = played.cell.axes['x'], 0.05
+    for _ in range(100):
+        place = played.cycle(place)
+    axis.set_servo(False)
+    played.cycle(place)
+    assert axis.returning
+    axis.set_servo(True)
+    while axis.home(played.cell.now) is not None:  # until it is known to rest
+        played.cycle(place)
+    assert not axis.returning
+    begin = len(played.commands)
+    for _ in range(100):
+        place = played.cycle(place)
+    assert axis.running
+    steps = [abs(b - a) for a, b in pairwise(played.commands[begin - 10 :])]
+    assert max(steps) <= 1.01 * 0.05 / Played.RATE
+
+
 def test_the_controller_keeps_its_stop_where_the_axis_is_not_known():
     played = Played(0.05)
     played.cell.home('x')

@@ -36,8 +36,8 @@ class Axis(KeptHome):
         period: the time between two updates, s.
         lead: how long before its time a setpoint is told, s.
         profile: the command.
-        returning: the servo went off in the last update: the command goes to where the axis is,
-            which the controller must be told once.
+        returning: the servo went off in a run: the command is on its way to where the axis is,
+            which the controller must be told.
     """
 
     def __init__(
@@ -251,9 +251,8 @@ class Axis(KeptHome):
         """Advance by one period; return the setpoint if a run moves the axis."""
         readings = self.readings
         if self.returning:
-            self.returning = False
-            self.profile.reset(readings.track.position)
-        readings.moving = self.profile.velocity != 0.0
+            self._return()
+        readings.moving = not self.returning and self.profile.velocity != 0.0
         if readings.unsettled:
             for edge in readings.settle(now):
                 self._take(edge)
@@ -384,6 +383,13 @@ class Axis(KeptHome):
             self.profile.update()
             self.profile.come_back(readings.track.position)
         else:
+            self.profile.freeze()
+
+    def _return(self) -> None:
+        """Let the command go on to where the axis is."""
+        self.profile.update()
+        if self.profile.arrived:
+            self.returning = False
             self.profile.freeze()
 
     def _lose_servo(self, text: str, action: Action) -> None:

@@ -80,6 +80,7 @@ class PositionArray:
             for joint in joints
         ]
         self._fixed: dict[str, float] = {}  # the commands of joints at rest
+        self._returning: set[str] = set()  # in the last cycle: axes whose servo went off in a run
 
     def commands(self, moving: Mapping[str, Setpoint]) -> list[tuple[float, float]] | None:
         """Return the position and velocity of each joint for a cycle, None: nothing is told.
@@ -90,7 +91,9 @@ class PositionArray:
         for slot in self.slots:
             if slot.axis in moving or not slot.held.powered:
                 self._fixed.pop(slot.joint, None)
-        if moving or any(slot.held.returning for slot in self.slots):
+        returning = {slot.axis for slot in self.slots if slot.held.returning}
+        news, self._returning = returning - self._returning, returning
+        if moving or news:
             return [
                 moving[slot.axis][:2] if slot.axis in moving else (self._held(slot), 0.0)
                 for slot in self.slots

@@ -87,14 +87,21 @@ class TrajectorySetpoints:
         self._horizon = math.ceil(least / self._period - 1e-6) * self._period
         self._stamped = checked.setpoint_stamp is SetpointStamp.due
         self._stamps = Stamps(timebase)
+        self._returning: set[str] = set()  # in the last cycle
         self._writer = (TrajectoryWriter if checked.serialized else PlainTrajectoryWriter)()
         self._publisher = create_publisher(JointTrajectory, '~/setpoints')
 
     def message(self, moving: Mapping[str, Setpoint], due: float) -> Any:
-        """Return a trajectory of the axes that move, and of one whose servo has just gone off."""
-        names = [name for name, axis in self._axes.items() if name in moving or axis.returning]
-        if not names:
+        """Return a trajectory of the axes that move.
+
+        One whose servo has gone off is told once how its command returns, and again with others:
+        the controller stops a joint that a new message lacks.
+        """
+        returning = {name for name, axis in self._axes.items() if axis.returning}
+        news, self._returning = returning - self._returning, returning
+        if not (moving or news):
             return None
+        names = [name for name in self._axes if name in moving or name in returning]
         courses = [self._axes[name].course(self._horizon) for name in names]
         times, rows = announcement(courses, self._period, self._horizon)
         first = stamp = 0
