@@ -199,6 +199,7 @@ class Asking:
         self._send, self._again, self._passed_over = send, again, passed_over
         self._futures = []
         self._due = 0.0
+        self.passed = ''  # the newest answer that was passed over
 
     @property
     def last(self):
@@ -218,6 +219,7 @@ class Asking:
             if not (ours or message.startswith(self._passed_over)):
                 return answer
             self._futures.remove(future)
+            self.passed = message
         return None
 
 
@@ -384,7 +386,10 @@ class Client:
             assert refusal is None, refusal.message
             return any(axis in s.message.joint_names for s in setpoints)
 
-        self.until(moves, what=f'motion of {axis}')
+        try:
+            self.until(moves, what=f'motion of {axis}')
+        except AssertionError as error:
+            raise AssertionError(f'{error}; {asking.passed}') from None
         self.forget(setpoints)
         return asking.last
 
