@@ -53,13 +53,13 @@ lint: venv
 	$(VENV)/bin/mypy $(TYPED)
 
 test: lint $(VENV)/.test_interfaces
-	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(WORKERS) -m 'not long'
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(WORKERS) $(MORE) -m 'not long'
 
 test-long: venv $(VENV)/.test_interfaces
-	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest -q -m long
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(MORE) -m long
 
 test-kilted: $(KILTED)/.package
-	ROS_PYTHON_CHECK_FIELDS=1 $(KILTED)/bin/python -m pytest $(WORKERS) -m 'not long' $(TESTS_OF_ROS)
+	ROS_PYTHON_CHECK_FIELDS=1 $(KILTED)/bin/python -m pytest $(WORKERS) $(MORE) -m 'not long' $(TESTS_OF_ROS)
 
 test-faults: venv
 	@$(VENV)/bin/python scripts/faults.py
