@@ -313,13 +313,12 @@ def test_an_absolute_encoder_knows_the_switch_whoever_publishes():
 
 def test_what_is_kept_of_a_run():
     kept = Kept()
-    kept.keeper.temperature = 21.5
     outcome = kept.home()
     (run,) = kept.keeper.memory.runs
     assert run.home == outcome.home_position_raw and run.error == 'NoError'
     assert run.approach == pytest.approx(0.06, abs=1e-4)
     assert run.duration == pytest.approx(kept.made.course.duration, abs=0.05)
-    assert (run.fast, run.slow, run.temperature) == (0.2, 0.05, 21.5)
+    assert (run.fast, run.slow) == (0.2, 0.05)
     assert run.time == 1.7e9
     edges = [(name, rises, way) for name, rises, way, _, _ in run.seen]
     assert edges == [

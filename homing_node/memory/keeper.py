@@ -35,7 +35,6 @@ class Keeper:
     Attributes:
         memory: The runs, compared.
         publisher: Who publishes the feedback; '': not known yet.
-        temperature: The newest temperature, None if no topic gives one.
         refusal: Why the home of before the restart was not taken over, '' if it was or there was
             none.
         ended: Whether the node ends in order.
@@ -64,7 +63,6 @@ class Keeper:
         self.memory = Memory(rules_of(axis.parameters), configuration)
         self.memory.replay(contents.runs)
         self.publisher = ''
-        self.temperature: float | None = None
         self.refusal = ''
         self.ended = False
         self.dirty = False
@@ -219,7 +217,6 @@ class Keeper:
             pitch=pitch,
             seen=tuple(seen),
             approach=approach,
-            temperature=self.temperature,
         )
 
     def _comparable(
