@@ -25,6 +25,8 @@ SECTIONS: Mapping[str, str] = {
     'following_error': 'Supervision',
     'clear_home_done_on_servo_off': 'Loss of home',
     'encoder': 'Memory',
+    'apply': 'Hand-over',
+    'travel_min': 'Soft limits',
 }
 
 HEAD = """\

@@ -129,10 +129,20 @@ DEFAULTS = {
     'wrap': 0.0,
     'wrap_setpoints': False,
     'rest_timeout': 1.0,
+    # the hand-over
+    'apply': 'none',
+    'apply_service': '',
+    'apply_type': '',
+    'apply_request': '',
+    'apply_timeout': 2.0,
+    'apply_tolerance': 0.0,
+    'switch_controllers': (),
+    'travel_min': 0.0,
+    'travel_max': 0.0,
 }
 RATIOS = ('z_pulse_distance_tolerance', 'index_margin')
 REALS = [name for name, definition in DEFINITIONS.items() if definition.kind is float]
-SIGNED = ('home_shift_distance', 'home_position')
+SIGNED = ('home_shift_distance', 'home_position', 'travel_min', 'travel_max')
 POSITIVE = [name for name in REALS if DEFINITIONS[name].least > 0.0]
 
 
@@ -170,6 +180,7 @@ def test_which_must_be_positive():
         'ls_dec',
         'ls_slow_dec',
         'feedback_timeout',
+        'apply_timeout',
         'homing_velocity_fast',
         'homing_velocity_slow',
         *(name for name in REALS if name.endswith(('_acc', '_dec'))),
@@ -223,7 +234,8 @@ def test_messages_of_a_rotary_axis_say_rad():
 
 @pytest.mark.parametrize('name', SIGNED)
 def test_what_may_be_negative(name):
-    assert getattr(built(**{name: -0.1}), name) == -0.1
+    low = {'travel_min': -0.2} if name == 'travel_max' else {}
+    assert getattr(built(**{**low, name: -0.1}), name) == -0.1
 
 
 def test_tolerance_is_relative():

@@ -12,8 +12,9 @@ import math
 from ..parameters.axis import AxisParameters
 from ..procedures.states import LIMIT_SWITCHES, Error, Input
 from .announcement import Course
+from .axis_home import AxisHome
 from .edge_queue import EdgeQueue
-from .kept_home import KeptHome
+from .home_watch import HomeWatch
 from .limits import Action
 from .machine import Machine
 from .outcome import Failure, Outcome
@@ -29,7 +30,7 @@ VELOCITY_SPAN = 0.01
 Setpoint = tuple[float, float, float]
 
 
-class Axis(KeptHome):
+class Axis(AxisHome):
     """One axis that can be homed.
 
     Attributes:
@@ -56,7 +57,6 @@ class Axis(KeptHome):
         self.lead = lead
         self._edges = EdgeQueue(parameters)
         self._settling = Settling(lead)
-        self._rest: Rest | None = None
         self._moved = False
         self.returning = False
         self.configure(parameters)
@@ -67,7 +67,7 @@ class Axis(KeptHome):
         Raises:
             RuntimeError: a run is in progress.
         """
-        if self.machine is not None:
+        if self.running:
             raise RuntimeError(f'axis {self.name} is homing')
         if parameters.home_type is not self.parameters.home_type:
             self.history.forget_homes()
@@ -91,10 +91,13 @@ class Axis(KeptHome):
             doubt: how far ``time`` may be wrong, s; 0 if it is a stamp that is trusted.
         """
         arrival = time if arrival is None else arrival
-        homing = self.machine is not None
+        homing, track = self.machine is not None, self.readings.track
+        before = track.time
         failure = self.readings.feedback(time, position, arrival, doubt, homing)
         if failure is not None and self.machine is not None:
             self.machine.fail(failure)
+        if track.time != before:
+            self._watch_home(time)
 
     def switch(
         self,
@@ -134,8 +137,8 @@ class Axis(KeptHome):
 
     def refusal(self, now: float, verify: bool = False) -> Outcome | None:
         """Return why a run cannot start now, None if it can."""
-        if self.machine is not None:
-            return self._failed(Error.Busy, f'homing is in progress ({self.machine.state})')
+        if self.running:
+            return self._failed(Error.Busy, f'homing is in progress ({self.state})')
         if self.emergency_stop:
             return self._failed(Error.EmergencyStop, 'the emergency stop is on')
         if not self.servo_on:
@@ -191,6 +194,8 @@ class Axis(KeptHome):
         """Stop a run in progress with the present profile."""
         if self.machine is not None:
             self.machine.cancel()
+        elif self.handover is not None:
+            self.handover.cancel()
 
     def resume(self) -> None:
         """Leave the pause of ``pause_mode``."""
@@ -201,6 +206,8 @@ class Axis(KeptHome):
         """End a run in progress with an error; the axis stops by an action, else with ls_dec."""
         if self.machine is not None:
             self.machine.fail(Failure(error, message), action)
+        elif self.handover is not None:
+            self.handover.stop(error, message)
 
     def abort(self, error: Error, message: str) -> None:
         """End the run at once, without a stop: its own code has failed."""
@@ -231,6 +238,8 @@ class Axis(KeptHome):
         self.readings.time_jumped_back(now)
         self._edges.clear()
         self._settling.restart()
+        self._home_watch = HomeWatch()
+        self._lose_home(Error.CycleLate, 'simulated time was set back')
         self.forget_coordinates()
 
     def set_emergency_stop(self, active: bool) -> None:
@@ -258,9 +267,10 @@ class Axis(KeptHome):
                 self._take(edge)
         machine = self.machine
         if machine is None:
-            lost = self.homed and not readings.feedback_is_fresh(now)
-            if lost and self.parameters.clear_home_done_on_comm_stop:
-                self.forget_home()
+            if self.handover is not None:
+                self._hand_over(self.handover, now)
+            elif self.homed:
+                self._watch_age(now)
             return None
         p = self.parameters
         if now - readings.arrival > p.feedback_timeout or p.switch_timeout:
@@ -396,9 +406,5 @@ class Axis(KeptHome):
         """End a run, and forget the home if the parameters say so, because the servo is off."""
         self._rest = None
         if self.parameters.clear_home_done_on_servo_off:
-            self.forget_home()
+            self._lose_home(Error.ServoOff, text)
         self.stop(Error.ServoOff, text, action)
-
-    def _end(self, outcome: Outcome) -> None:
-        machine, self.machine = self.machine, None
-        self._end_home(outcome, machine)

@@ -3,6 +3,7 @@
 
 from ..parameters.axis import AxisParameters
 from ..procedures.states import Error, State
+from .handover import Handover
 from .history import History
 from .machine import Machine
 from .outcome import Outcome
@@ -17,7 +18,10 @@ class AxisStatus:
         parameters: its parameters.
         readings: what it has received.
         machine: the run in progress, None between runs.
-        outcome: how the last run ended.
+        handover: how the home that was found is handed over, None while none is.
+        hands_over: whether somebody answers what a hand-over asks; without, there is none.
+        applied: what the driver takes off its own coordinates since a hand-over, m or rad.
+        outcome: how the last run ended, or why the home was lost.
         history: the runs so far.
         homed: whether the axis knows its home.
         home_source: where the home comes from, as long as the axis is homed: a `run`, `restored`
@@ -32,6 +36,9 @@ class AxisStatus:
         self.parameters = parameters
         self.readings = Readings(parameters)
         self.machine: Machine | None = None
+        self.handover: Handover | None = None
+        self.hands_over = False
+        self.applied = 0.0
         self.outcome = Outcome(Error.NoError)
         self.history = History()
         self.homed = False
@@ -43,7 +50,18 @@ class AxisStatus:
 
     @property
     def running(self) -> bool:
+        """Whether a run is on, or hands its home over."""
+        return self.machine is not None or self.handover is not None
+
+    @property
+    def moving(self) -> bool:
+        """Whether a run may move the axis."""
         return self.machine is not None
+
+    @property
+    def handing_over(self) -> bool:
+        """Whether the home of a run is being handed over: coordinates may change."""
+        return self.handover is not None
 
     @property
     def powered(self) -> bool:
@@ -56,17 +74,25 @@ class AxisStatus:
 
     @property
     def state(self) -> State:
-        return State.Idle if self.machine is None else self.machine.state
+        if self.machine is not None:
+            return self.machine.state
+        return State.Idle if self.handover is None else State.HomeShift
 
     @property
     def error(self) -> Error:
         """Why the axis is stopping, or how its last run ended."""
-        return self.outcome.error if self.machine is None else self.machine.ending.error
+        if self.machine is not None:
+            return self.machine.ending.error
+        return self.outcome.error if self.handover is None else Error.NoError
 
     @property
     def message(self) -> str:
         """The error in words."""
-        return self.outcome.message if self.machine is None else self.machine.ending.message
+        if self.machine is not None:
+            return self.machine.ending.message
+        if self.handover is not None:
+            return f'axis {self.name}: hand-over, step {self.handover.step}'
+        return self.outcome.message
 
     @property
     def torque_limit(self) -> float:
@@ -89,13 +115,17 @@ class AxisStatus:
         machine = self.machine
         if machine is not None and machine.reference is not None:
             return self._sign * machine.reference.position
-        return self.outcome.home_position_raw
+        handover = self.handover
+        found = self.outcome if handover is None else handover.plan.found
+        return found.home_position_raw
 
     @property
     def fingerprint(self) -> tuple[object, ...]:
         """A value that changes when the published state changes, and at the end of each run."""
         machine = self.machine
         if machine is None:
-            return self.history.runs, self.homed, self.home_source, self.notes, self.servo_on
+            step = None if self.handover is None else self.handover.step
+            home = self.homed, self.home_source, self.outcome.error, self.notes
+            return self.history.runs, *home, self.servo_on, step
         touched = machine.movement.end.touched
         return machine.step, machine.ending.error, machine.paused, touched, self.servo_on

@@ -31,6 +31,11 @@ class History:
         if error is Error.NoError:
             self.homes.append(home_position_raw)
 
+    def fails(self, error: Error) -> None:
+        """Record that the last run has failed after all: its home was not taken over."""
+        self.ended[Error.NoError] -= 1
+        self.ended[error] += 1
+
     def forget_homes(self) -> None:
         """Forget the home positions, because the axis homes differently now."""
         self.homes.clear()

@@ -42,6 +42,8 @@ class Outcome(NamedTuple):
         verified_uncertainty: how far that difference may be off, m or rad.
         unit: the unit of that difference.
         final: whether waiting does not mend what forbids the run.
+        applied: what the driver takes off its own coordinates since the hand-over, m or rad; None
+            if it applies no home.
     """
 
     error: Error
@@ -58,6 +60,7 @@ class Outcome(NamedTuple):
     verified: float | None = None
     verified_uncertainty: float = 0.0
     unit: Unit = Unit.m
+    applied: float | None = None
 
     @property
     def success(self) -> bool:

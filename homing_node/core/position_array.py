@@ -18,7 +18,8 @@ from .outcome import Outcome
 class OtherJoint:
     """A joint of the array that no axis homes; ``timeout``: its feedback may be so old, s."""
 
-    powered, running, returning = True, False, False  # as an axis that does nothing
+    #: As an axis that does nothing.
+    powered, moving, handing_over, returning = True, False, False, False
 
     def __init__(self, name: str, timeout: float) -> None:
         self.name = name
@@ -89,7 +90,8 @@ class PositionArray:
             moving: The setpoints of the axes that move in this cycle, by the axis's name.
         """
         for slot in self.slots:
-            if slot.axis in moving or not slot.held.powered:
+            held = slot.held
+            if slot.axis in moving or not held.powered or held.handing_over:
                 self._fixed.pop(slot.joint, None)
         returning = {slot.axis for slot in self.slots if slot.held.returning}
         news, self._returning = returning - self._returning, returning
@@ -98,7 +100,7 @@ class PositionArray:
                 moving[slot.axis][:2] if slot.axis in moving else (self._held(slot), 0.0)
                 for slot in self.slots
             ]
-        if not any(slot.held.running for slot in self.slots):
+        if not any(slot.held.moving for slot in self.slots):
             self._fixed.clear()
         return None
 

@@ -192,6 +192,19 @@ class Readings:
         self.settled = NEVER
         self.arrival = NEVER
 
+    def forget_places(self) -> None:
+        """Forget where the axis was before the newest sample: its coordinates have changed."""
+        track = self.track
+        time, position = track.time, track.position
+        track.restart()
+        track.append(time, position)
+        self.settled = time
+
+    @property
+    def leap(self) -> float:
+        """A distance that is no noise and no lag, m."""
+        return self._leap
+
     def begin_run(self) -> None:
         """Count the bounces of the switches anew."""
         self._bounces_before = {name: switch.bounces for name, switch in self.switches.items()}

@@ -27,7 +27,7 @@ class SharedSignals:
             signal = self.wiring.signals[Place(name, source)]
             names = list(dict.fromkeys(other.axis for other in others))
             for other in names:
-                if self._axes[other].running:
+                if self._axes[other].moving:
                     return Outcome(
                         Error.Busy,
                         f'axis {name}: axis {other} is homing, and both read {source} ({signal})',

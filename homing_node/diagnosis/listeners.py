@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rules about the setpoint topic and ros2_control: listeners, other publishers, who is active."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from ..check.finding import Finding, Severity
+from ..parameters.axis import AxisParameters
+from ..procedures.states import Apply
 from .controller import ACTIVE, is_known, judge_controller
 from .facts import Controller, Endpoint, Facts, Manager, Setpoints
 
 #: Nodes of the command line look at topics, they move nothing.
 TOOLS = '_ros2cli'
+#: The node of the relay, where an axis names none.
+RELAY = 'homed_axes'
 
 
 def listens(controller: Controller) -> bool:
@@ -19,7 +23,9 @@ def listens(controller: Controller) -> bool:
 def judge_listeners(facts: Facts) -> Iterator[Finding]:
     """Yield what is wrong with the nodes at the setpoint topic."""
     setpoints = facts.setpoints
-    yield from _publishers(facts.node, setpoints.topic, facts.publishers, facts.twins)
+    relays = relays_of(facts.node, (p for _, p in setpoints.axes.values()))
+    second = others(facts.node, facts.publishers, relays)
+    yield from _publishers(facts.node, setpoints.topic, second, facts.twins)
     controllers = [one for one in facts.controllers if listens(one)]
     if not controllers:
         yield Finding(
@@ -47,18 +53,30 @@ def judge_listeners(facts: Facts) -> Iterator[Finding]:
         yield from _manager(manager, known)
 
 
-def others(node: str, publishers: Sequence[Endpoint]) -> list[str]:
-    """Return the nodes that publish the setpoints besides the node itself, its twins included."""
+def others(node: str, publishers: Sequence[Endpoint], relays: Iterable[str] = ()) -> list[str]:
+    """Return the nodes that publish the setpoints besides the node itself and its relays.
+
+    Their twins are others: nodes of the same name.
+    """
     names = [one.node for one in publishers]
-    if node in names:
-        names.remove(node)
+    for one in (node, *relays):
+        if one in names:
+            names.remove(one)
     return sorted(names)
 
 
-def _publishers(
-    node: str, topic: str, publishers: Sequence[Endpoint], twins: int
-) -> Iterator[Finding]:
-    second = others(node, publishers)
+def relay_of(node: str, p: AxisParameters) -> str:
+    """Return the full name of the relay that an axis names; ``node``: that of the homing node."""
+    name = p.apply_service or RELAY
+    return name if name.startswith('/') else f'{node.rpartition("/")[0]}/{name}'
+
+
+def relays_of(node: str, axes: Iterable[AxisParameters]) -> set[str]:
+    """Return the full names of the relays that some axes name."""
+    return {relay_of(node, p) for p in axes if p.apply is Apply.relay}
+
+
+def _publishers(node: str, topic: str, second: Sequence[str], twins: int) -> Iterator[Finding]:
     if second:
         yield Finding(
             Severity.error,

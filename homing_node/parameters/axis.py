@@ -26,8 +26,9 @@ from ..procedures.states import (
     Role,
 )
 from ..procedures.tables import PROCEDURES
+from . import applying
 from .axis_fields import AxisFields
-from .definition import REQUIRED, Definition, InvalidParameters, read
+from .definition import REQUIRED, Definition, Interval, InvalidParameters, read
 from .units import Unit
 
 #: Longer than these no ramp and no move of a machine takes, s.
@@ -62,6 +63,17 @@ class AxisParameters(AxisFields):
     @property
     def homes_on_mechanical_end(self) -> bool:
         return Event.END_DETECTED in self.procedure.events
+
+    @property
+    def apply_agreement(self) -> float:
+        """How far the feedback may be from the homed position once the home is applied, m."""
+        return self.apply_tolerance or 1e-4 * self.travel
+
+    @property
+    def soft_limits(self) -> Interval | None:
+        """The range of homed positions that the relay allows, m; None: any."""
+        low, high = self.travel_min, self.travel_max
+        return None if low == high else Interval(low, high)
 
     def pace(self, pace: Pace) -> tuple[float, float, float]:
         """Return (velocity, acceleration, deceleration) of a pace."""
@@ -187,7 +199,7 @@ class AxisParameters(AxisFields):
         return [self.unit.in_message(fault) for fault in self._contradictions()]
 
     def _contradictions(self) -> list[str]:
-        faults = self._too_long()
+        faults = [*self._too_long(), *applying.contradictions(self)]
         fast, slow = self.homing_velocity_fast, self.homing_velocity_slow
         if slow > fast:
             faults.append(

@@ -8,6 +8,7 @@ The names are the names of the WMX3 manual in snake_case. Units: m or rad, s.
 from dataclasses import dataclass
 
 from ..procedures.states import (
+    Apply,
     Direction,
     Encoder,
     FeedbackClock,
@@ -245,4 +246,38 @@ class AxisFields:
         0.0,
         'how far before the remembered switch it ends (0: 1 % of travel, of a linear axis at most '
         '0.001 m)',
+    )
+
+    apply: Apply = fields.parameter(
+        Apply,
+        Apply.none,
+        'how the rest of the machine gets the home: not at all, by a service of the driver, or by '
+        'the relay homed_axes',
+    )
+    apply_service: str = fields.parameter(
+        str,
+        '',
+        'apply service: the service that takes the home; apply relay: the node of the relay '
+        "('': homed_axes)",
+    )
+    apply_type: str = fields.parameter(
+        str, '', 'type of apply_service, such as homing_interfaces/srv/SetPosition'
+    )
+    apply_request: str = fields.parameter(
+        str, '', 'request to apply_service, YAML with {position}, {home_offset} and others'
+    )
+    apply_timeout: float = fields.duration(
+        2.0, 'bound of each step of the hand-over', 0.01, or_zero=False
+    )
+    apply_tolerance: float = fields.distance(
+        0.0, 'how far from the homed position the feedback may be afterwards (0: 1e-4 x travel)'
+    )
+    switch_controllers: tuple[str, ...] = fields.names(
+        'controllers that must be active before a run, and are inactive while the home is applied'
+    )
+    travel_min: float = fields.position(
+        0.0, 'soft limit of the relay, homed (equal to travel_max: no soft limits)'
+    )
+    travel_max: float = fields.position(
+        0.0, 'soft limit of the relay, homed (equal to travel_min: no soft limits)'
     )

@@ -91,6 +91,23 @@ def count(default: int, text: str, minimum: int, maximum: int) -> Any:
     return parameter(int, default, text, minimum=minimum, maximum=maximum)
 
 
+class NamesDefinition(Definition):
+    """The definition of a list of names, each of which stands there once."""
+
+    def convert(self, value: object) -> Any:
+        """Return the names as a tuple."""
+        if isinstance(value, tuple):
+            value = list(value)
+        names: list[str] = self._strings(value)
+        if len(set(names)) < len(names) or not all(names):
+            raise ValueError(f'{self.name}: a name is empty or stands twice in {names}')
+        return tuple(names)
+
+
+def names(text: str) -> Any:
+    return dataclasses.field(default=(), metadata={'definition': NamesDefinition(text, list)})
+
+
 def flag(default: bool, text: str) -> Any:
     return parameter(bool, default, text)
 

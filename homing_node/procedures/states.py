@@ -98,6 +98,8 @@ class Error(TextEnum):
     FollowingError = 'FollowingError'
     AxisMoving = 'AxisMoving'
     WrongDirection = 'WrongDirection'
+    HandoverFailed = 'HandoverFailed'
+    HomeLost = 'HomeLost'
     ServoOff = 'ServoOff'
     CycleLate = 'CycleLate'
     Busy = 'Busy'
@@ -148,6 +150,14 @@ class Restore(TextEnum):
     never = 'never'
     verify = 'verify'
     trust = 'trust'
+
+
+class Apply(TextEnum):
+    """How the rest of the machine gets the home of an axis."""
+
+    none = 'none'
+    service = 'service'
+    relay = 'relay'
 
 
 class Direction(TextEnum):

@@ -109,7 +109,7 @@ class Reports:
             return False
         last.changes = changes
         name, put = axis.name, self._queue.put
-        if last.runs != axis.history.runs:
+        if last.runs != axis.history.runs and not axis.handing_over:
             last.runs = axis.history.runs
             put((partial(self._log, name), axis.outcome))
         state = (axis.state, axis.paused, axis.homed, axis.error, axis.outcome)
