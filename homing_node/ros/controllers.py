@@ -103,6 +103,7 @@ class Controllers:
         setpoints: What the rules must know of the setpoints; called at each judgement.
         running: Tells whether a run is on.
         lost: Ends all runs, with an outcome.
+        relays: Returns the nodes that publish beside the homing node, but not during a run.
     """
 
     def __init__(
@@ -112,9 +113,11 @@ class Controllers:
         setpoints: Callable[[], Setpoints],
         running: Callable[[], bool],
         lost: Callable[[Outcome], None],
+        relays: Callable[[], set[str]] = set,
     ) -> None:
         self._node, self._publisher = node, publisher
         self._setpoints, self._running, self._lost = setpoints, running, lost
+        self._relays = relays
         self._listeners: dict[str, Listener] = {}
         self._asking: list[Listener] = []  # those that were there when the managers were asked
         self._managers: dict[str, ManagerList] = {}  # by the service
@@ -145,7 +148,8 @@ class Controllers:
         topic = self._publisher.topic_name
         if self._node.count_publishers(topic) < 2:
             return None
-        second = others(self._node.get_fully_qualified_name(), graph.publishers(self._node, topic))
+        own = self._node.get_fully_qualified_name()
+        second = others(own, graph.publishers(self._node, topic), self._relays())
         if not second:
             return None
         return Outcome(

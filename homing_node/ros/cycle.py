@@ -16,6 +16,7 @@ from ..core.dispatch import Dispatch
 from ..procedures.states import Error
 from .controllers import Controllers
 from .guarded_axis import GuardedAxis
+from .handovers import Handovers
 from .inputs import Inputs
 from .joint_order import JointOrder
 from .polling import never_called
@@ -55,6 +56,7 @@ class Cycle:
         setpoints: Setpoints,
         order: JointOrder | None,
         controllers: Controllers,
+        handovers: Handovers,
         reports: Reports,
         waits: Waits,
         logger: Any,
@@ -72,6 +74,7 @@ class Cycle:
             setpoints: The interface of the setpoints.
             order: The order of the joints in an array of positions, if setpoints are such arrays.
             controllers: Who plays the setpoints.
+            handovers: The hand-overs of the homes.
             reports: All that is published besides the setpoints.
             waits: The futures of the requests.
             logger: The logger of the node.
@@ -80,6 +83,7 @@ class Cycle:
         self._timebase, self._lock = timebase, lock
         self._inputs, self._dispatch, self._setpoints = inputs, dispatch, setpoints
         self._order, self._controllers, self._reports = order, controllers, reports
+        self._handovers = handovers
         self._waits, self._logger = waits, logger
         self._lead = Lead(period)
         self._watched = 0.0
@@ -189,7 +193,10 @@ class Cycle:
             if changed or self._dispatch.pending:
                 ended = self._dispatch.update(now)
             finished = self._dispatch.closed and self._dispatch.idle
+            asks = self._handovers.cycle()
             message = self._setpoints.message(setpoints, due)
+            if self._order and any(axis.handover for axis in self._axes.values()):
+                self._order.forget()
             if self._order and self._order.cycle(bool(setpoints)):
                 message = self._setpoints.hold(self._order.held)
         if message is not None:
@@ -198,10 +205,17 @@ class Cycle:
             self._setpoints.publish(message)
         if ended:
             self._reports.afterwards(self._waits.end, ended)
+        if asks is not None:
+            self._reports.afterwards(self._hand_over, asks)
         if watching and self._controllers.watch():
             self._waits.call(self._controllers.look)
         if finished:
             self._finish()
+
+    def _hand_over(self, asks: Mapping[str, int]) -> None:
+        """Let the executor ask what hand-overs ask now."""
+        self._handovers.release(asks)
+        self._waits.call(self._handovers.look)
 
     def _set_back(self, step: float) -> None:
         """Stop every axis and discard the history that is newer than the new time."""

@@ -52,6 +52,7 @@ class GuardedAxis(Axis):
         self._broken_run = -1  # the number of the run that raised last
 
     feedback = _guarded(Axis.feedback)
+    feedback_source_changed = _guarded(Axis.feedback_source_changed)
     switch = _guarded(Axis.switch)
     latch = _guarded(Axis.latch)
     enable = _guarded(Axis.enable)

@@ -29,6 +29,9 @@ UNSTAMPED = 2.0
 #: More lists of joints than publishers can have: the oldest one is forgotten.
 MANY_LISTS = 100
 
+#: Messages may come in another order than they were sent in, by up to this many.
+REORDERED_MESSAGES = 10
+
 #: Hears the last message of a publisher that latches it.
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -60,8 +63,11 @@ class JointList:
 
     ``groups``: the axes with the same ``feedback_timeout`` and ``feedback_clock``, each with its
     place in the list; they judge a stamp alike. ``known``: the stamps that each axis last judged
-    by. ``others``: joints that no axis homes, with their places.
+    by. ``others``: joints that no axis homes, with their places. ``number``: that of the newest
+    message; a new publisher counts from the beginning.
     """
+
+    number = 0
 
     def __init__(
         self,
@@ -259,7 +265,7 @@ class Inputs:
             for one in self._wired[name]:
                 if one.subscription.get_publisher_count() == 0:
                     one.heard = False  # a new publisher must send its level first
-                    if axis.running:
+                    if axis.moving:
                         axis.stop(Error.SwitchStale, f'{one.name} lost its publisher')
 
     def _take(self, axis: Axis, one: WiredInput, data: bytes, info: Info) -> None:
@@ -311,6 +317,7 @@ class Inputs:
             sent, stamp = stamp, clock.time_of(sampled)
         if names is not self._names:
             self._names, self._list = names, self._list_of(names)
+        self._watch_publisher(self._list, info)
         known = len(positions)
         for place, joint in self._list.others:
             if place < known and isfinite(positions[place]):
@@ -330,6 +337,16 @@ class Inputs:
                     axis.feedback(time, positions[place], arrival, doubt)
                     if doubt:
                         axis.warn(f'joint_states: {stamps.warning}')
+
+    @staticmethod
+    def _watch_publisher(joints: JointList, info: Info) -> None:
+        """Notice that another publisher sends these joints: its messages count from 1 again."""
+        number = info.get('publication_sequence_number', 0)
+        if number + REORDERED_MESSAGES < joints.number:
+            for _, places in joints.groups:
+                for _, axis in places:
+                    axis.feedback_source_changed()
+        joints.number = number
 
     def _stop(self, axis: Axis, error: Error, text: str) -> None:
         """End a run for a message that was too late, or for the late cycle that made it late."""

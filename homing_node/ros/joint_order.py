@@ -53,6 +53,10 @@ class JointOrder:
             f'the axes are held for {AGREED:g} s, to see that each joint gets its own position',
         )
 
+    def forget(self) -> None:
+        """Forget where the axes were: coordinates change."""
+        self._begun, self._failed, self._ran = {}, '', False
+
     def cycle(self, moving: bool) -> bool:
         """Follow the feedback for one cycle; return whether the axes must be held in it."""
         if not self._begun:

@@ -130,6 +130,8 @@ def _home_text(outcome: Outcome) -> str:
             f' passes={outcome.passes} range={outcome.passes_range:.3g} '
             f'deviation={outcome.passes_deviation:.3g}'
         )
+    if outcome.applied is not None:
+        text += f' applied={outcome.applied:.12g}'
     if outcome.index_margin is not None:
         text += f' index_margin={outcome.index_margin:.3f}'
     return text
@@ -207,6 +209,7 @@ def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
         'home_offset': outcome.home_offset,
         'uncertainty': outcome.uncertainty,
         'index_margin': outcome.index_margin,
+        'applied': outcome.applied,
         'runs': history.runs,
         'runs_homed': history.homed,
         'home_range': history.range,

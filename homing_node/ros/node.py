@@ -35,6 +35,7 @@ from .configured_node import ConfiguredNode
 from .controllers import Controllers
 from .cycle import Cycle, late_cycle
 from .guarded_axis import GuardedAxis
+from .handovers import Handovers
 from .inputs import LATCHED, Inputs
 from .joint_order import JointOrder
 from .memory import Memories
@@ -107,8 +108,14 @@ class HomingNode(ConfiguredNode):
             self._axes, checked, self._timebase, self._create_setpoints
         )
         self._inputs.others = self._setpoints.others
+        self._handovers = Handovers(self, self._axes, self._joints, self._lock)
         self._controllers = Controllers(
-            self, self._setpoint_publisher, self._describe_setpoints, self._any_run, self._lose
+            self,
+            self._setpoint_publisher,
+            self._describe_setpoints,
+            self._any_run,
+            self._lose,
+            self._handovers.relays,
         )
         self._order = (
             JointOrder(self._setpoints.array.slots, period)
@@ -120,6 +127,7 @@ class HomingNode(ConfiguredNode):
             self._inputs,
             self._shared_signals,
             self._controllers,
+            self._handovers,
             self._order,
             self._setpoints,
             self._timebase,
@@ -157,6 +165,7 @@ class HomingNode(ConfiguredNode):
             self._setpoints,
             self._order,
             self._controllers,
+            self._handovers,
             self._reports,
             self._waits,
             self.get_logger(),
@@ -184,13 +193,14 @@ class HomingNode(ConfiguredNode):
         )
 
     def _any_run(self) -> bool:
-        return any(axis.running for axis in self._axes.values())
+        return any(axis.moving for axis in self._axes.values())
 
     def _lose(self, outcome: Outcome) -> None:
         """End every run: the controller that played the setpoints is gone, or another came."""
         with self._lock:
             for axis in self._axes.values():
-                axis.stop(outcome.error, outcome.message)
+                if axis.moving:
+                    axis.stop(outcome.error, outcome.message)
 
     def _create_publishers(self) -> None:
         def per_axis(kind: Any, name: str, qos: Any) -> dict[str, Any]:

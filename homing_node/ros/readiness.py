@@ -7,6 +7,7 @@ from ..core.outcome import Outcome, together
 from ..core.shared_signals import SharedSignals
 from ..procedures.states import Error
 from .controllers import Controllers
+from .handovers import Handovers
 from .inputs import Inputs
 from .joint_order import JointOrder
 from .setpoints import Setpoints
@@ -25,6 +26,7 @@ class Readiness:
         inputs: Inputs,
         shared_signals: SharedSignals,
         controllers: Controllers,
+        handovers: Handovers,
         order: JointOrder | None,
         setpoints: Setpoints,
         timebase: TimeBase,
@@ -38,6 +40,7 @@ class Readiness:
             inputs: The inputs of the axes.
             shared_signals: Which inputs read the same signal.
             controllers: Who plays the setpoints.
+            handovers: The hand-overs of the homes.
             order: The order of the joints in an array of positions, if setpoints are such arrays.
             setpoints: The interface of the setpoints.
             timebase: The clock of the node.
@@ -46,6 +49,7 @@ class Readiness:
         """
         self._faults, self._inputs, self._shared_signals = faults, inputs, shared_signals
         self._controllers, self._order, self._setpoints = controllers, order, setpoints
+        self._handovers = handovers
         self._timebase, self._publishers_of, self._any_run = timebase, publishers_of, any_run
 
     def unready(self, name: str) -> Outcome | None:
@@ -62,6 +66,7 @@ class Readiness:
         return (
             self._inputs.conflict(name, self._publishers_of)
             or self._shared_signals.refusal(name)
+            or self._handovers.wrong(name)
             or self._controllers.conflict()
             or self._controllers.verdict.wrong
             or (self._order and self._order.wrong)
@@ -78,6 +83,8 @@ class Readiness:
             missing.append(others)
         verdict = self._controllers.verdict
         missing += verdict.missing
+        inactive = self._handovers.missing(name)
+        missing += [] if inactive is None else [inactive]
         if self._order and not missing and not verdict.proven and not self._any_run():
             unproven = self._order.missing
             missing += [] if unproven is None else [unproven]

@@ -112,7 +112,7 @@ class Reports:
         if last.runs != axis.history.runs and not axis.handing_over:
             last.runs = axis.history.runs
             put((partial(self._log, name), axis.outcome))
-        state = (axis.state, axis.paused, axis.homed, axis.error, axis.outcome)
+        state = (axis.state, axis.paused, axis.homed, axis.error, axis.message, axis.outcome)
         if last.state != state:
             last.state = state
             put((self._to.states[name].publish, messages.axis_state(self._stamp(), axis)))
