@@ -8,7 +8,8 @@ of a drive), and every change of an input and every feedback sample waits in a q
 time. One thread does all of it. When the process was held up, the world stands still for as long:
 nothing is published late in a burst, and stamps keep fitting the positions.
 
-No executor spins this node, so it has no services and `ros2 param` cannot ask it.
+No executor spins this node, so `ros2 param` cannot ask it; its services, and the
+controller that can be switched, are nodes of a thread of their own (simulated_services.py).
 """
 
 import gc
@@ -20,10 +21,9 @@ from array import array
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from math import inf
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import rclpy
 from rclpy.logging import LoggingSeverity
@@ -34,15 +34,16 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
-from ..course import Happening
-from ..plant.drivers import SwitchDriver
 from ..plant.layout import AxisLayout
 from ..plant.simulated_axis import SimulatedAxis
 from ..procedures.states import Input
 from . import simulated_drivers
 from .graph import SETPOINT_TOPICS
-from .polling import Take, never_called, taker, waiting
+from .polling import Polled, Take, never_called, taker, waiting
+from .simulated_cell import Cell
 from .simulated_controller import controller_for
+from .simulated_outputs import Change, Lateness, Output, Sample
+from .simulated_services import Services
 from .simulated_settings import Settings, settings_from
 
 #: How long before something is due the thread wakes up and waits for the exact time, s.
@@ -55,68 +56,13 @@ CLEAR = 0.001
 HELD_UP = 0.001
 STALL = 0.05
 
+#: How long a driver that restarts is silent, s.
+RESTART = 0.3
+
 SERVO = Input.SERVO_ENABLED.value
 
 RELIABLE = QoSProfile(depth=100)
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-class Sample(NamedTuple):
-    """A feedback sample of all axes; positions in m or rad, velocities per s."""
-
-    time: float
-    position: 'array[float]'
-    velocity: 'array[float]'
-
-
-class Change(NamedTuple):
-    """A happening that waits for its time."""
-
-    time: float
-    output: 'Output'
-    message: Bool | Float64
-    happening: Happening | None  # None: the driver of a switch publishes it by itself
-
-
-@dataclass
-class Output:
-    """The publisher of one input of an axis."""
-
-    axis: str
-    publisher: Any
-    level: Bool | None = None  # the last published one; a latch has none
-    readers: int = 0
-    driver: SwitchDriver | None = None  # of a switch whose level is repeated
-
-    def publish(self, level: bool) -> bool:
-        """Publish a level if it has changed; return whether it has."""
-        changed: bool = self.level.data != level
-        if changed:
-            self.level = Bool(data=level)
-            self.publisher.publish(self.level)
-        return changed
-
-    def greet(self) -> None:
-        """Publish the level for readers that came since the last call and ask for no history.
-
-        A switch that is polled is published soon anyway.
-        """
-        if self.driver is not None and self.driver.polled:
-            return
-        readers = self.publisher.get_subscription_count()
-        if readers > self.readers:
-            self.publisher.publish(self.level)
-        self.readers = readers
-
-
-@dataclass
-class Lateness:
-    """How well the process kept the time, s."""
-
-    worst: float = 0.0  # of publishing a happening
-    happenings: int = 0
-    hold_ups: int = 0
-    held_up: float = 0.0  # in all
 
 
 class SimulatedAxes:
@@ -140,6 +86,8 @@ class SimulatedAxes:
         self._to_system = 0  # what turns monotonic time into system time, ns
         self.lateness = Lateness()
 
+        self._node = node
+        self._silent = 0.0  # the feedback is silent up to this time, s
         self._joint_states = node.create_publisher(JointState, 'joint_states', RELIABLE)
         self._feedback = JointState(name=list(settings.joints))
         self._driver = simulated_drivers.FeedbackDriver(
@@ -154,17 +102,32 @@ class SimulatedAxes:
         )
         self._outputs: dict[tuple[str, str], Output] = {}
         self._inputs: list[tuple[Take, Callable[[Any], None]]] = []
+        self._polled = Polled()
         for name, layout in settings.layouts.items():
             self._connect(node, settings, name, layout)
         self._drivers = [o for o in self._outputs.values() if o.driver is not None]
         self._switches = deque(o for o in self._outputs.values() if o.level is not None)
         start = [axis.position for axis in self._axes.values()]
-        self._controller, kind = controller_for(settings, start)
+        controller, kind = controller_for(settings, start)
+        self._cell = Cell(
+            self._axes,
+            settings.joints,
+            controller,
+            bool(settings.controller),
+            lambda: self._sent_at(self._front),
+            self._samples.clear,
+            self._restart_feedback,
+        )
+        self._services = Services(node, list(self._axes), settings.joints, self._cell, settings)
         topic = f'{settings.target_node}/{SETPOINT_TOPICS[settings.setpoint_interface]}'
+        if self._services.controller is not None:
+            node, topic = self._services.controller, '~/joint_trajectory'
         self._subscribe(node, kind, topic, QoSProfile(depth=10), self._take)
+        self._services.start()
 
     def close(self) -> None:
-        """Destroy the second source of the feedback, if there is one."""
+        """Destroy the nodes beside that of the axes."""
+        self._services.close()
         if self._second is not None:
             self._second.close()
 
@@ -205,7 +168,9 @@ class SimulatedAxes:
         self, node: Node, kind: Any, topic: str, qos: QoSProfile, take: Callable[[Any], None]
     ) -> None:
         """Subscribe to a topic that is polled at every step."""
-        subscription = node.create_subscription(kind, topic, never_called, qos)
+        subscription = node.create_subscription(
+            kind, topic, never_called, qos, callback_group=self._polled
+        )
         self._inputs.append((taker(subscription, serialized=False), take))
 
     def run(self, stopped: Callable[[], bool]) -> None:
@@ -250,6 +215,8 @@ class SimulatedAxes:
         self._to_system = min(readings)[1]
 
     def _publish_sample(self, sample: Sample, due: float) -> None:
+        if due < self._silent:
+            return
         stamp = self._feedback.header.stamp
         stamp.sec, stamp.nanosec = divmod(
             int(due * 1e9) + self._to_system + self._driver.offset, 1_000_000_000
@@ -277,6 +244,7 @@ class SimulatedAxes:
         for next_message, take in self._inputs:
             for message, _ in waiting(next_message):
                 take(message)
+        self._services.jobs.run()
         self._control()
         start, dt = self._front, self._dt
         before = [axis.position for axis in self._axes.values()]
@@ -285,7 +253,11 @@ class SimulatedAxes:
         for name, axis in self._axes.items():
             for happening in axis.step(dt):
                 value = happening.value
-                message = Bool(data=value) if isinstance(value, bool) else Float64(data=value)
+                message = (
+                    Bool(data=value)
+                    if isinstance(value, bool)
+                    else Float64(data=value - self._cell.offsets[name])
+                )
                 output = self._outputs[name, happening.input]
                 if output.driver is None:
                     changes.append(Change(happening.time, output, message, happening))
@@ -307,7 +279,10 @@ class SimulatedAxes:
         while (sampled := self._count / self._feedback_rate) <= self._front:
             part = (sampled - start) / dt
             moved = [a.position - b for a, b in zip(self._axes.values(), before, strict=True)]
-            position = array('d', [b + m * part for b, m in zip(before, moved, strict=True)])
+            offsets = self._cell.offsets.values()
+            position = array(
+                'd', [b + m * part - o for b, m, o in zip(before, moved, offsets, strict=True)]
+            )
             velocity = array('d', [m / dt for m in moved])
             self._samples.append(
                 Sample(sampled, *self._driver.reading(sampled, position, velocity))
@@ -325,23 +300,28 @@ class SimulatedAxes:
         """Let the controller update at its rate; its commands act after the dead time."""
         while (turn := self._updates / self._controller_rate) <= self._front + 1e-9:
             self._updates += 1
-            commands = self._controller.update(self._sent_at(turn))
-            for joint, (position, velocity) in commands.items():
-                self._by_joint[joint].follow(position, self._controller.over, velocity)
+            self._cell.control(self._sent_at(turn))
 
     def _sent_at(self, time: float) -> int:
         """Return the system time at which a command left that acts at a time of the world, ns."""
         return int((self._base + time - self._dead_time) * 1e9) + self._to_system
+
+    def _restart_feedback(self) -> None:
+        """Let a new publisher send the feedback, after a silence."""
+        self._samples.clear()
+        self._silent = time.monotonic() + RESTART
+        self._node.destroy_publisher(self._joint_states)
+        self._joint_states = self._node.create_publisher(JointState, 'joint_states', RELIABLE)
 
     def _servo(self, axis: SimulatedAxis, joint: str, on: bool) -> None:
         """Switch a servo; one that comes on obeys at once what its controller commands."""
         off = not axis.enabled
         axis.servo(on)
         if on and off:
-            self._controller.repeat(joint)
+            self._cell.repeat(joint)
 
     def _take(self, message: Any) -> None:
-        refused = self._controller.take(message, self._sent_at(self._front))
+        refused = self._cell.play(message)
         if refused:
             self._logger.warning(
                 f'setpoint ignored: {refused}; the joints here are {list(self._by_joint)}',

@@ -46,7 +46,31 @@ class PlayedTrajectories:
         )
         self._controller.activate(positions)
         self._last = tuple(positions)
+        self._ends = 0  # when the trajectory ends, ns of the system's time
         self.over = 1.0 / rate
+
+    def activate(self, positions: Sequence[float]) -> None:
+        """Become active where the axes are: the drives have no command of before."""
+        self._controller.unload()
+        self._controller.activate(positions)
+        self._last, self._ends = tuple(positions), 0
+
+    def deactivate(self) -> None:
+        """Become inactive."""
+        self._controller.unload()
+
+    @property
+    def joints(self) -> Sequence[str]:
+        return self._controller.joints
+
+    @property
+    def commands(self) -> Sequence[float]:
+        """The last commands, raw."""
+        return self._last
+
+    def left(self, now: int) -> float:
+        """Return how long the trajectory still lasts at a system time in ns, s."""
+        return (self._ends - now) / NS
 
     def take(self, message: JointTrajectory, now: int) -> str:
         """Take a message at a system time in ns; return why it is refused, else ''."""
@@ -63,7 +87,10 @@ class PlayedTrajectories:
         if not all(isfinite(value) for point in points for row in point[1:] for value in row):
             return 'a value is not finite'
         told = Message(stamp.sec * NS + stamp.nanosec, tuple(message.joint_names), points)
-        return '' if self._controller.receive(told, now) else self._controller.refused
+        if not self._controller.receive(told, now):
+            return self._controller.refused
+        self._ends = (told.stamp or now) + points[-1].time
+        return ''
 
     def repeat(self, joint: str) -> None:
         """Return the command of a joint at the next update although it has not changed."""
@@ -92,6 +119,16 @@ class ForwardedPositions:
         self._controller.activate()
         self._last = self._controller.command
         self.over = over
+
+    def activate(self, positions: Sequence[float]) -> None:
+        """Become active; without a message nothing is commanded."""
+        self._controller = ForwardController(self._controller.joints, 1.0 / self.over)
+        self._controller.activate()
+        self._last = self._controller.command
+
+    def deactivate(self) -> None:
+        """Become inactive."""
+        self._controller.deactivate()
 
     def take(self, message: Float64MultiArray, now: int) -> str:
         """Take a message; return why it is refused, else ''."""

@@ -15,7 +15,7 @@ from ..parameters.configuration import (
 )
 from ..parameters.definition import Definition, InvalidParameters, read, table
 from ..plant.layout import DEAD_TIME, FEEDBACK_RATE, AxisLayout, layouts_from
-from . import simulated_drivers
+from . import simulated_drivers, simulated_services
 from .setpoints import dof_command
 
 
@@ -44,6 +44,10 @@ class Settings:
     header_clock_offset: float
     second_source: float
     second_source_position: float
+    controller: str
+    answer_time: float
+    set_position_answer: simulated_services.Answer
+    activate_answer: simulated_services.Answer
 
 
 #: The node's own parameters; those of an axis are the keys of its layout, and ``joint``.
@@ -93,6 +97,7 @@ DEFINITIONS = table(
         default=True,
     ),
     *simulated_drivers.DEFINITIONS,
+    *simulated_services.DEFINITIONS,
     *COMMON_DEFINITIONS.values(),
 )
 
