@@ -65,7 +65,11 @@ os.environ.update(
 #: Their ports lie beyond those that Linux gives to clients; people and programs prefer low ones.
 DOMAINS = range(215, 232)
 
-MAINS = {'homing_node': 'homing_node.ros.main', 'simulated_axes': 'homing_node.ros.simulated_axes'}
+MAINS = {
+    'homing_node': 'homing_node.ros.main',
+    'homed_axes': 'homing_node.ros.homed_axes',
+    'simulated_axes': 'homing_node.ros.simulated_axes',
+}
 
 
 def wait_for(condition, timeout=PATIENCE, what='', pump=lambda: time.sleep(0.01)):

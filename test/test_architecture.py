@@ -22,13 +22,14 @@ ROOMS = [
     'check',
     'convert',
     'diagnosis',
+    'relay',
     'figures',
     'ros',
     'client',
     'cli',
 ]
 #: Rooms that have no ROS, no clock, no thread and no I/O.
-PURE = ['procedures', 'core', 'course', 'check', 'diagnosis']
+PURE = ['procedures', 'core', 'course', 'check', 'diagnosis', 'relay']
 #: What those may use of the standard library.
 PURE_LIBRARY = {
     'collections',
@@ -40,6 +41,7 @@ PURE_LIBRARY = {
     'math',
     're',
     'statistics',
+    'struct',
     'types',
     'typing',
 }
@@ -50,6 +52,7 @@ ROS_VERBS = {'cli/doctor.py', 'cli/repeat.py'}
 #: What the node never needs.
 TOOLS = {'rehearsal', 'convert', 'figures', 'cli', 'client', 'course'}
 ROS = {
+    'action_msgs',
     'rclpy',
     'builtin_interfaces',
     'diagnostic_msgs',

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trajectories in homed coordinates: judged, and shifted to raw ones.
+
+The messages are `trajectory_msgs/JointTrajectory` or look like it. Velocities, accelerations,
+efforts, times and tolerances are the same in both coordinates; positions are not.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..parameters.definition import Interval
+from .known_home import KnownHome
+from .soft_limits import Knot, beyond
+
+#: An axis may lie so far beyond a soft limit when a motion begins: it rests there, and leads back.
+SLACK = 1e-9
+
+
+def refusal(trajectory: Any, axes: Mapping[str, KnownHome]) -> str:
+    """Return why a trajectory must not be played, '' if it may.
+
+    Args:
+        trajectory: The message, in homed coordinates.
+        axes: The axes of the relay, by joint; other joints are not judged.
+    """
+    names = list(trajectory.joint_names)
+    for place, name in enumerate(names):
+        axis = axes.get(name)
+        if axis is None:
+            continue
+        if axis.refusal:
+            return axis.refusal
+        why = _outside(trajectory.points, place, axis)
+        if why:
+            return f'axis {axis.name}: {why}'
+    return ''
+
+
+def _outside(points: Sequence[Any], place: int, axis: KnownHome) -> str:
+    """Return why the course of one axis is not within its soft limits, '' if it is."""
+    knots = []
+    for number, point in enumerate(points):
+        if place >= len(point.positions):
+            return f'point {number} has no position for joint {axis.joint}'
+        knot = Knot(
+            point.time_from_start.sec + point.time_from_start.nanosec * 1e-9,
+            point.positions[place],
+            _at(point.velocities, place),
+            _at(point.accelerations, place),
+        )
+        if not all(map(math.isfinite, (one for one in knot if one is not None))):
+            return f'point {number}: a value of joint {axis.joint} is not finite'
+        knots.append(knot)
+    limits = axis.parameters.soft_limits
+    if limits is None or not knots:
+        return ''
+    found = beyond(knots, limits)
+    if found is None and axis.position is not None:
+        here = axis.position
+        first = knots[0]
+        start = Knot(0.0, here, 0.0, 0.0)
+        wide = Interval(min(limits.low, here - SLACK), max(limits.high, here + SLACK))
+        found = beyond([start, first], wide) if first.time > 0.0 else None
+    if found is None:
+        return ''
+    unit = axis.parameters.unit
+    return (
+        f'it would go to {found:.6g} {unit}, beyond its soft limits {limits.low:g} to '
+        f'{limits.high:g} {unit} (travel_min, travel_max)'
+    )
+
+
+def _at(values: Sequence[float], place: int) -> float | None:
+    return values[place] if place < len(values) else None
+
+
+def offsets_of(names: Sequence[str], axes: Mapping[str, KnownHome]) -> list[float]:
+    """Return raw minus homed position of each joint; 0 of one that is not ours, or has no home."""
+    known = (axes.get(name) for name in names)
+    return [0.0 if axis is None or axis.offset is None else axis.offset for axis in known]
+
+
+def to_raw(trajectory: Any, offsets: Sequence[float]) -> Any:
+    """Shift the positions of a trajectory from homed to raw coordinates, and return it."""
+    for point in trajectory.points:
+        _shift(point, [-offset for offset in offsets])
+    return trajectory
+
+
+def to_homed(point: Any, offsets: Sequence[float]) -> Any:
+    """Shift the positions of one point from raw to homed coordinates, and return it."""
+    _shift(point, offsets)
+    return point
+
+
+def _shift(point: Any, offsets: Sequence[float]) -> None:
+    """Take an offset off each position; a joint without one keeps its position to the last bit."""
+    if point.positions:
+        point.positions = [
+            position - offset if offset else position
+            for position, offset in zip(point.positions, offsets, strict=False)
+        ]

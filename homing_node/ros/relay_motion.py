@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motions in front of one controller: its topic and its action, in homed coordinates.
+
+A refused goal is accepted and aborted, so that its result says why. A goal that runs ends with the
+controller's result, with the client's cancel, or, when an axis loses its home or the controller is
+gone, at once: it is canceled at the controller, and aborted with the reason.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient, ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectory
+
+from ..diagnosis.listeners import others
+from ..procedures.states import Error
+from ..relay.known_home import KnownHome
+from ..relay.trajectories import offsets_of, refusal, to_homed, to_raw
+from . import graph
+
+try:
+    from control_msgs.action import FollowJointTrajectory
+except ImportError:
+    FollowJointTrajectory = None
+
+#: Whether the action can be served here.
+INSTALLED = FollowJointTrajectory is not None
+QUEUE = 10
+
+
+class Running:
+    """One goal that the controller has, or will have.
+
+    ``over``: set once, with the status and the result of the controller, or with the reason why
+    the goal is given up.
+    """
+
+    def __init__(self, goal: Any, over: Future) -> None:
+        self.goal, self.over = goal, over
+        self.joints = list(goal.request.trajectory.joint_names)
+        self._handle: Any = None  # at the controller
+        self._unwanted = False
+
+    def sent(self, future: Future) -> None:
+        """Take the controller's word on the goal."""
+        self._handle = future.result()
+        if not self._handle.accepted:
+            self.give_up('the controller has rejected the goal')
+            return
+        self._handle.get_result_async().add_done_callback(self._ended)
+        if self._unwanted:
+            self._handle.cancel_goal_async()
+
+    def cancel(self) -> None:
+        """Cancel it at the controller, whose result ends it."""
+        self._unwanted = True
+        if self._handle is not None and self._handle.accepted:
+            self._handle.cancel_goal_async()
+
+    def give_up(self, reason: str) -> None:
+        """End it here and now, and cancel it at the controller."""
+        self.cancel()
+        if not self.over.done():
+            self.over.set_result(reason)
+
+    def _ended(self, future: Future) -> None:
+        if not self.over.done():
+            self.over.set_result(future.result())
+
+
+class ControllerRelay:
+    """The motions in front of one controller."""
+
+    def __init__(
+        self,
+        node: Node,
+        controller: str,
+        names: Sequence[str],
+        axes: Mapping[str, KnownHome],
+        homing_node: str,
+        guarded: Callable[[Callable[[], Any]], Any],
+    ) -> None:
+        """Create the topics and the action.
+
+        Args:
+            node: The node of the relay.
+            controller: The controller's node.
+            names: What stands before the names of the topic and the action here.
+            axes: The axes, by joint.
+            homing_node: The full name of the homing node, which publishes to the controller too.
+            guarded: Calls a function while the axes are locked.
+        """
+        self._node, self._axes, self._homing_node = node, axes, homing_node
+        self._guarded = guarded
+        self._running: list[Running] = []
+        self._publisher = node.create_publisher(
+            JointTrajectory, f'{controller}/joint_trajectory', QUEUE
+        )
+        group = ReentrantCallbackGroup()
+        for name in names:
+            node.create_subscription(
+                JointTrajectory, f'{name}/joint_trajectory', self._relay, QUEUE
+            )
+        if FollowJointTrajectory is None:
+            return
+        self._client = ActionClient(
+            node, FollowJointTrajectory, f'{controller}/follow_joint_trajectory'
+        )
+        self._action = f'{controller}/follow_joint_trajectory'
+        self._servers = [
+            ActionServer(
+                node,
+                FollowJointTrajectory,
+                f'{name}/follow_joint_trajectory',
+                self._execute,
+                callback_group=group,
+                cancel_callback=self._cancel,
+            )
+            for name in names
+        ]
+
+    def watch(self) -> None:
+        """Give up goals of axes that have lost their home, and of a controller that is gone."""
+        for running in list(self._running):
+            why = self._guarded(partial(self._lost, running.joints))
+            if not why and not self._client.server_is_ready():
+                why = f'nobody serves {self._action} any more'
+            if why:
+                running.give_up(why)
+
+    def stop(self, reason: str) -> bool:
+        """Give up every goal; return whether one is still there."""
+        for running in list(self._running):
+            running.give_up(reason)
+        return bool(self._running)
+
+    # ------------------------------------------------------------------------------------- inside
+
+    def _lost(self, joints: Sequence[str]) -> str:
+        return next(
+            (self._axes[j].refusal for j in joints if j in self._axes and self._axes[j].refusal),
+            '',
+        )
+
+    def _conflict(self) -> str:
+        """Return who else publishes to the controller, '' for nobody."""
+        topic = self._publisher.topic_name
+        if self._node.count_publishers(topic) < 2:
+            return ''
+        found = graph.publishers(self._node, topic)
+        second = others(self._node.get_fully_qualified_name(), found, {self._homing_node})
+        if not second:
+            return ''
+        return (
+            f'{Error.PublisherConflict}: {topic} is published by {", ".join(second)}, too (one '
+            'that was killed stays listed for about 20 s)'
+        )
+
+    def _refusal(self, trajectory: Any) -> str:
+        return self._conflict() or self._guarded(partial(refusal, trajectory, self._axes))
+
+    def _raw(self, trajectory: Any) -> Any:
+        """Return a trajectory in raw coordinates."""
+        offsets = self._guarded(partial(offsets_of, trajectory.joint_names, self._axes))
+        return to_raw(trajectory, offsets)
+
+    def _relay(self, trajectory: JointTrajectory) -> None:
+        """Relay a message of the topic, or say why not."""
+        why = self._refusal(trajectory)
+        if why:
+            text = f'a trajectory is refused: {why}'
+            self._node.get_logger().error(text, throttle_duration_sec=1.0)
+            return
+        self._publisher.publish(self._raw(trajectory))
+
+    async def _execute(self, goal: Any) -> Any:
+        """Relay a goal, and return how it ended."""
+        request = goal.request
+        why = self._refusal(request.trajectory)
+        if not why and not self._client.server_is_ready():
+            why = f'nobody serves {self._action}'
+        if why:
+            return self._abort(goal, why)
+        running = Running(goal, Future(executor=self._node.executor))
+        self._running.append(running)
+        request.trajectory = self._raw(request.trajectory)
+        sending = self._client.send_goal_async(
+            request, feedback_callback=partial(self._feedback, running)
+        )
+        sending.add_done_callback(running.sent)
+        ended = await running.over
+        self._running.remove(running)
+        if isinstance(ended, str):
+            return self._abort(goal, ended)
+        result = ended.result
+        if ended.status == GoalStatus.STATUS_SUCCEEDED:
+            goal.succeed()
+        elif ended.status == GoalStatus.STATUS_CANCELED and goal.is_cancel_requested:
+            goal.canceled()
+        else:
+            goal.abort()
+            result.error_string = result.error_string or (
+                'the controller has canceled the goal: another one has taken its place'
+            )
+        return result
+
+    def _abort(self, goal: Any, why: str) -> Any:
+        self._node.get_logger().error(f'a goal is aborted: {why}')
+        goal.abort()
+        result = FollowJointTrajectory.Result()
+        result.error_code, result.error_string = result.INVALID_GOAL, why
+        return result
+
+    def _cancel(self, goal: Any) -> CancelResponse:
+        for running in self._running:
+            if bytes(running.goal.goal_id.uuid) == bytes(goal.goal_id.uuid):
+                running.cancel()
+        return CancelResponse.ACCEPT
+
+    def _feedback(self, running: Running, message: Any) -> None:
+        """Relay the feedback of the controller."""
+        if running.over.done():
+            return
+        feedback = message.feedback
+        offsets = self._guarded(partial(offsets_of, feedback.joint_names, self._axes))
+        for point in (feedback.desired, feedback.actual):
+            to_homed(point, offsets)
+        running.goal.publish_feedback(feedback)
