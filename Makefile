@@ -44,7 +44,7 @@ help:
 	@echo 'make clean   remove $(VENV), $(KILTED) and everything generated'
 	@echo 'PYTHON=python3.12 make venv   use another interpreter'
 
-demo: venv
+demo: venv $(VENV)/.for_tests_control_msgs
 	@$(VENV)/bin/python scripts/demo.py
 
 lint: venv

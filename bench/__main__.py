@@ -6,7 +6,7 @@ import importlib
 
 import figures
 
-NAMES = ('core', 'simulated', 'homing_time', 'setpoints', 'cycle', 'reaction', 'start')
+NAMES = ('core', 'simulated', 'homing_time', 'setpoints', 'cycle', 'reaction', 'start', 'relay')
 
 
 def main() -> None:

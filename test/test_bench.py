@@ -18,6 +18,7 @@ FIGURES = {
     'cycle': 'lateness p99',
     'reaction': 'reaction at 250 Hz',
     'start': '32 axes',
+    'relay': 'added latency p99',
     'accuracy': 'errors that the uncertainty covers',
 }
 

@@ -56,6 +56,7 @@ MACHINES = {
         axis: (simulated_axes()[axis], home)
         for axis, home in {'x': 0.150, 'y': 0.0563, 'z': 0.150}.items()
     },
+    'homed_machine.yaml': lambda: MACHINES['demo.yaml'](),
     'xyz.yaml': lambda: {
         'x': (homes_negative(0.4, 0.004), 0.034),
         'y': (homes_negative(0.3, 0.0065), 0.0365),

@@ -11,7 +11,9 @@ from launch_stand_in import launched
 
 ROOT = Path(__file__).resolve().parent.parent
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
-DEMO, HOMING = ROOT / 'launch' / 'demo.launch.py', ROOT / 'launch' / 'homing.launch.py'
+DEMO, HOMED, HOMING = (
+    ROOT / 'launch' / f'{name}.launch.py' for name in ('demo', 'homed_machine', 'homing')
+)
 SETUP = (ROOT / 'setup.py').read_text()
 CONFIG = {'config': str(ROOT / 'config' / 'one_axis.yaml')}
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
@@ -25,6 +27,7 @@ OTHERS = {
     'setpoint_interface': 'position',
     'setpoint_topic': '/axes_controller/commands',
     'use_sim_time': 'true',
+    'simulated': 'true',
     'log_level': 'debug',
 }
 
@@ -49,7 +52,7 @@ def commands(context):
 
 
 def test_there_are_launch_files():
-    assert FILES == [DEMO, HOMING]
+    assert FILES == [DEMO, HOMED, HOMING]
 
 
 @each_file
@@ -68,14 +71,29 @@ def test_every_argument_has_a_text_and_an_effect(path, tmp_path):
     assert set(plain.declared) <= set(OTHERS)
     for name, argument in plain.declared.items():
         assert argument.description
-        changed = launched(path, tmp_path, **{**CONFIG, name: OTHERS[name]})
-        assert commands(changed) != commands(plain), name
+        # The simulated axes are not started by default.
+        given = {**CONFIG, 'simulated': 'true'} if name == 'plant' and path == HOMED else CONFIG
+        changed = launched(path, tmp_path, **{**given, name: OTHERS[name]})
+        assert commands(changed) != commands(launched(path, tmp_path, **given)), name
 
 
 def test_demo_runs_as_it_stands(tmp_path):
     node, plant = launched(DEMO, tmp_path).started
     assert node.option('--params-file') == [str(ROOT / 'config' / 'demo.yaml')]
     assert plant.option('--params-file') == [str(ROOT / 'config' / 'simulated_axes.yaml')]
+
+
+def test_a_homed_machine_has_its_relay(tmp_path):
+    node, relay = launched(HOMED, tmp_path).started
+    assert relay.executable == 'homed_axes'
+    config = [str(ROOT / 'config' / 'homed_machine.yaml')]
+    assert node.option('--params-file') == relay.option('--params-file') == config
+    assert '~/setpoints:=axes_controller/joint_trajectory' in node.option('-r')
+    *_, plant = launched(HOMED, tmp_path, simulated='true', namespace='cell').started
+    assert plant.executable == 'simulated_axes'
+    own = yaml.safe_load(Path(plant.option('--params-file')[-1]).read_text())
+    assert own == {'/**': {'ros__parameters': {'controller': 'axes_controller'}}}
+    assert plant.option('-r') == ['__ns:=/cell']
 
 
 def test_homing_needs_a_configuration(tmp_path):
@@ -99,14 +117,14 @@ def test_the_plant_of_the_demo_follows_the_setpoints(tmp_path):
         assert parameters == {'/**': {'ros__parameters': {'setpoint_interface': 'position'}}}
 
 
-@each_file
+@pytest.mark.parametrize('path', [DEMO, HOMING], ids=lambda path: path.name)
 def test_what_is_not_given_stays_as_the_parameter_file_says(path, tmp_path):
     for process in launched(path, tmp_path, **CONFIG).started:
         assert len(process.option('--params-file')) == 1
         assert process.option('-r') == []
 
 
-@each_file
+@pytest.mark.parametrize('path', [DEMO, HOMING], ids=lambda path: path.name)
 @pytest.mark.parametrize('name', ['setpoint_interface', 'use_sim_time'])
 def test_a_value_that_does_not_exist_is_refused(path, name, tmp_path):
     with pytest.raises(RuntimeError, match='is none of'):

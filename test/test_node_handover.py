@@ -289,7 +289,8 @@ def test_the_world_is_in_homed_coordinates(relayed):
     assert answer.success, answer.message
     offset = relayed.state.home_offset
     assert relayed.goals.go(0.21) == (SUCCEEDED, '')
-    assert relayed.goals.feedback[-1].actual.positions[0] == pytest.approx(0.21, abs=1e-3)
+    for feedback in relayed.goals.feedback:  # on the way, in homed coordinates
+        assert HOMED - 1e-4 < feedback.actual.positions[0] < 0.21 + 1e-4
     relayed.rests(RAW + 0.01)
     stamps = {(h.message.header.stamp.sec, h.message.header.stamp.nanosec): h for h in relayed.raw}
     assert len(relayed.homed) > 100

@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the relay as a user does."""
+
+import sys
+
+from homing_node.ros.homed_axes import main
+
+if __name__ == '__main__':
+    sys.exit(main())
