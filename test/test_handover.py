@@ -447,3 +447,29 @@ def test_without_a_shell_nothing_is_handed_over():
     made = rig('HS').but(apply='relay').rehearsal()
     made.home()
     assert made.axis.homed
+
+
+def test_a_home_that_is_verified_is_not_handed_over_again():
+    made = rig('HS').but(apply='relay').rehearsal()
+    made.home()
+    made.axis.hands_over = True
+    for _ in range(100):
+        made.cycle()
+    assert made.axis.home(made.time, verify=True) is None
+    for _ in range(5000):
+        made.cycle()
+        assert made.axis.handover is None
+        if not made.axis.running:
+            break
+    assert made.axis.homed
+    assert made.axis.outcome.verified is not None
+
+
+def test_a_home_that_was_accepted_is_handed_over():
+    made = rig('HS').but(apply='relay').rehearsal()
+    made.home()
+    axis, found = made.axis, made.axis.outcome
+    axis.hands_over, axis.homed, axis._unaccepted = True, False, found
+    assert axis.accept() == found
+    assert axis.handover.plan.found == found
+    assert not axis.homed

@@ -128,6 +128,8 @@ def test_what_contradicts_itself_is_refused():
         ({'apply_service': '/s'}, "apply_service: '/s' has no effect with apply: none"),
         ({'apply': 'relay', 'apply_type': 'a/srv/B'}, 'has no effect with apply: relay'),
         ({'apply': 'service', 'apply_type': 'Trigger'}, "'Trigger' is not a type of a service"),
+        ({'apply': 'service', 'rehome': True}, 'rehome: True cannot be with apply: service'),
+        ({'apply': 'service', 'restore': 'trust'}, 'restore: trust cannot be with apply'),
         ({'travel_min': 0.2}, 'travel_min: 0.2 m must be <= travel_max, 0 m'),
         ({'switch_controllers': ['a', 'a']}, 'a name is empty or stands twice'),
     ):
