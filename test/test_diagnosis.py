@@ -545,3 +545,16 @@ def test_a_controller_is_known_by_its_joints():
     assert is_known(Controller('/c', {'dof_names': ['x']}), 'dof')
     assert not is_known(Controller('/c', {'joints': []}), 'trajectory')
     assert not is_known(Controller('/c', None), 'trajectory')
+
+
+def test_who_publishes_beside_the_node_and_its_relays():
+    from homing_node.diagnosis.listeners import others
+
+    unnamed = '_NODE_NAMESPACE_UNKNOWN_/_NODE_NAME_UNKNOWN_'
+    names = ['/homing_node', '/homed_axes', '/homed_axes', '/moveit', unnamed]
+    found = [Endpoint(name) for name in names]
+    beside = others('/homing_node', found, {'/homed_axes'})
+    assert beside == sorted(['/homed_axes', '/moveit', unnamed])
+    node, relay, *_, nobody = found
+    assert others('/homing_node', [node, nobody], {'/homed_axes'}) == []  # it may be the relay
+    assert others('/homing_node', [node, relay, nobody], {'/homed_axes'}) == [unnamed]

@@ -313,7 +313,7 @@ def test_limits_cancel_and_preemption(relayed):
     assert cancel.goals_canceling
     assert relayed.goals.end(first)[0] == CANCELED
     second = relayed.goals.under_way(0.18)
-    assert relayed.goals.go(HOMED)[0] == SUCCEEDED
+    assert relayed.goals.go(HOMED) == (SUCCEEDED, '')
     status, why = relayed.goals.end(second)
     assert status == ABORTED
     assert 'preempted' in why
@@ -340,12 +340,12 @@ def test_two_relays_are_a_conflict(relayed):
 
 def test_the_relay_outlives_the_homing_node(relayed):
     relayed.kill(relayed.world.node)
-    assert relayed.goals.go(0.21)[0] == SUCCEEDED
+    assert relayed.goals.go(0.21) == (SUCCEEDED, '')
     relayed.restart_node()
     count = len(relayed.states)
     relayed.client.until(lambda: len(relayed.states) > count)
     assert not relayed.state.homed  # it knows no home
-    assert relayed.goals.go(HOMED)[0] == SUCCEEDED
+    assert relayed.goals.go(HOMED) == (SUCCEEDED, '')
 
 
 def test_a_relay_that_is_killed_is_a_hand_over_that_fails(relayed):

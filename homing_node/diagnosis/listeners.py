@@ -11,6 +11,8 @@ from .facts import Controller, Endpoint, Facts, Manager, Setpoints
 
 #: Nodes of the command line look at topics, they move nothing.
 TOOLS = '_ros2cli'
+#: How the graph names a node whose name is not discovered yet.
+NO_NAME = '_NODE_NAME_UNKNOWN_'
 #: The node of the relay, where an axis names none.
 RELAY = 'homed_axes'
 
@@ -56,12 +58,16 @@ def judge_listeners(facts: Facts) -> Iterator[Finding]:
 def others(node: str, publishers: Sequence[Endpoint], relays: Iterable[str] = ()) -> list[str]:
     """Return the nodes that publish the setpoints besides the node itself and its relays.
 
-    Their twins are others: nodes of the same name.
+    Their twins are others: nodes of the same name. A node that has just come has no name yet: it
+    may be one of those that are not seen.
     """
     names = [one.node for one in publishers]
+    unnamed = [name for name in names if NO_NAME in name]
     for one in (node, *relays):
         if one in names:
             names.remove(one)
+        elif unnamed:
+            names.remove(unnamed.pop())
     return sorted(names)
 
 
