@@ -80,19 +80,14 @@ def listen(world: World, duration: float) -> Latency:
 
     world.until(lambda: (drain(), heard[1])[1], 'relayed messages')
     pass_time(SETTLE)
-    for found in heard:
-        found.clear()
+    first = heard[0][-1][0]
     pass_time(duration)
     node.destroy_node()
     direct = dict(heard[0])
-    relayed = [stamp for stamp, _ in heard[1]]
-    added = [(at - direct[stamp]) * 1e-3 for stamp, at in heard[1] if stamp in direct]
-    ends = relayed[0], relayed[-1]
-    expected = [s for s, _ in heard[0]]
-    expected = expected[expected.index(ends[0]) : expected.index(ends[1]) + 1]
-    lost = sum(a != b for a, b in zip(expected, relayed, strict=False)) + abs(
-        len(expected) - len(relayed)
-    )
+    sent, relayed = ([stamp for stamp, _ in found] for found in heard)
+    sent, relayed = sent[sent.index(first) :], relayed[relayed.index(first) :]
+    lost = sum(a != b for a, b in zip(sent, relayed, strict=False))
+    added = [(at - direct[stamp]) * 1e-3 for stamp, at in heard[1][-len(relayed) :]]
     return Latency(nth(added, 0.5), nth(added, 0.99), max(added), lost)
 
 

@@ -112,6 +112,17 @@ def test_feedback_that_stops_or_has_another_publisher(keeps):
         assert bool(axis.refusal) != keeps
 
 
+def test_a_relay_that_starts_waits_for_its_first_feedback():
+    axis = known(offset=0.1)
+    axis.check_age(1000.0)
+    assert axis.refusal == ''
+    axis.feedback(0.0, 0.1, 1000.0)
+    axis.check_age(1000.1)
+    assert axis.refusal == ''
+    axis.check_age(1001.0)
+    assert 'no feedback came for 0.2 s (feedback_timeout)' in axis.refusal
+
+
 # -- joint states -------------------------------------------------------------------------------
 
 

@@ -171,8 +171,10 @@ class KnownHome:
             self._see('the publisher of its feedback has changed')
 
     def check_age(self, now: float) -> None:
-        """Lose the home if no feedback has come for too long."""
+        """Lose the home if no feedback has come for too long since the last one."""
         p = self.parameters
+        if self.raw is None:
+            return
         if p.clear_home_done_on_comm_stop and now - self._arrival > p.feedback_timeout:
             self._see(f'no feedback came for {p.feedback_timeout:g} s (feedback_timeout)')
 

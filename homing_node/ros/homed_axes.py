@@ -34,6 +34,9 @@ from .relay_settings import HOME, home_of, settings_from
 
 #: How often the age of the feedback and the goals are looked at, and the graph, s.
 WATCH_PERIOD, GRAPH_PERIOD = 0.05, 1.0
+#: How long the executor may keep the interpreter while the thread of the joint states wants it, s:
+#: Python's own 5 ms would be the latency of a message now and then.
+SWITCH_INTERVAL = 0.0002
 #: Longest wait for the controllers to end the goals when the relay ends, s.
 FAREWELL = 1.0
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -203,6 +206,7 @@ def main(args: list[str] | None = None) -> int:
         return 1
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    sys.setswitchinterval(SWITCH_INTERVAL)
     node.start()
     while not signals:
         executor.spin_once(timeout_sec=0.1)
