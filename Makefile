@@ -71,7 +71,7 @@ fuzz: venv
 	  test/test_node_faults.py::test_any_messages_in_any_order \
 	  test/test_node_life.py::test_homings_in_a_row
 
-bench: venv
+bench: venv $(VENV)/.test_interfaces
 	@$(VENV)/bin/python bench
 
 bench-accuracy: venv

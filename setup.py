@@ -18,7 +18,11 @@ data_files = [
     ('share/ament_index/resource_index/packages', [f'resource/{package}']),
     (f'share/{package}', ['package.xml']),
     (f'share/{package}/launch', sorted(glob('launch/*.py'))),
-    (f'share/{package}/config', sorted(glob('config/*'))),
+    *(
+        (f'share/{package}/{folder}', sorted(map(str, files)))
+        for folder in ('config', 'config/drivers', 'config/drivers/ros2_control')
+        if (files := [one for one in Path(folder).iterdir() if one.is_file()])
+    ),
 ]
 
 if os.environ.get('COLCON'):

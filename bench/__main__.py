@@ -6,7 +6,17 @@ import importlib
 
 import figures
 
-NAMES = ('core', 'simulated', 'homing_time', 'setpoints', 'cycle', 'reaction', 'start', 'relay')
+NAMES = (
+    'core',
+    'inputs',
+    'simulated',
+    'homing_time',
+    'setpoints',
+    'cycle',
+    'reaction',
+    'start',
+    'relay',
+)
 
 
 def main() -> None:

@@ -5,7 +5,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from homing_node.parameters.axis import DEFINITIONS
-from homing_node.parameters.configuration import NODE_DEFINITIONS, TOPIC_DEFINITIONS
+from homing_node.parameters.configuration import NODE_DEFINITIONS
+from homing_node.parameters.connections import (
+    COMMAND_DEFINITIONS,
+    SERVICE_DEFINITIONS,
+    TOPIC_DEFINITIONS,
+    TYPE_DEFINITIONS,
+)
 from homing_node.parameters.definition import Definition
 from homing_node.procedures.states import LSType
 
@@ -68,7 +74,20 @@ Each stands under the axis's name: `x.travel`.
 TOPICS = """
 ## Topics
 
-The topic of each input; empty means `~/<axis>/<input>`.
+The topic of each input, and what in its messages it is, behind a `#` ([inputs.md](inputs.md)).
+Empty means `~/<axis>/<input>`; for the feedback, `joint_states`.
+
+"""
+TYPES = """
+## Types
+
+The message type of the topic of each input; empty means: as its publisher says.
+
+"""
+COMMANDS = """
+## Outputs
+
+What follows an output besides its topic: [by other ways](inputs.md#outputs-by-other-ways).
 
 """
 
@@ -82,6 +101,8 @@ def page() -> str:
         rows = table(DEFINITIONS[name] for name in names[start:end])
         parts.append(f'\n## {title}\n\n{rows}')
     parts += [TOPICS, ', '.join(f'`{name}`' for name in TOPIC_DEFINITIONS), '\n']
+    parts += [TYPES, ', '.join(f'`{name}`' for name in TYPE_DEFINITIONS), '\n']
+    parts += [COMMANDS, table([*COMMAND_DEFINITIONS.values(), *SERVICE_DEFINITIONS.values()])]
     return ''.join(parts)
 
 

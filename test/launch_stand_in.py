@@ -145,11 +145,12 @@ class Node:
         *,
         package,
         executable,
-        namespace,
-        parameters,
-        remappings,
-        ros_arguments,
         output,
+        namespace='',
+        parameters=(),
+        remappings=(),
+        ros_arguments=(),
+        arguments=(),
     ):
         assert output == 'screen'
         self.package, self.executable, self.namespace = package, executable, namespace
@@ -158,9 +159,15 @@ class Node:
             remappings,
             ros_arguments,
         )
+        self.arguments = arguments
 
     def visit(self, context):
-        words = ['--ros-args', *map(context.text, self.ros_arguments), '--ros-args']
+        words = [
+            *self.arguments,
+            '--ros-args',
+            *map(context.text, self.ros_arguments),
+            '--ros-args',
+        ]
         if namespace := context.text(self.namespace):
             words += ['-r', f'__ns:=/{namespace.strip("/")}']
         for parameters in self.parameters:

@@ -426,7 +426,8 @@ class Client:
 class HandPlant:
     """A plant whose every message the test controls; the feedback is what a controller commands.
 
-    A thread publishes the feedback (and the clock, where it is told to) until it is silenced.
+    A thread publishes the feedback (and the clock, where it is told to) until it is silenced, and
+    calls ``also`` with the positions and the stamp, for a driver that publishes more.
     """
 
     PERIOD = 0.004
@@ -439,6 +440,7 @@ class HandPlant:
         self.hard_stops = {}  # no axis gets further
         self.held = False  # nothing at all, not even the clock
         self.sim_time = None  # ns, of /clock while time is simulated
+        self.also = lambda positions, stamp: None
         self._node = rclpy.create_node(
             'plant', context=client.context, enable_rosout=False, start_parameter_services=False
         )
@@ -521,6 +523,7 @@ class HandPlant:
                 )
                 message.header.stamp = _stamp(time.time_ns() if stamp is None else stamp)
                 self._feedback.publish(message)
+                self.also(dict(self.positions), message.header.stamp)
 
 
 def _stamp(nanoseconds):

@@ -13,6 +13,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / 'homing_node'
 #: The rooms, from the ground up: each imports only from itself and from rooms above it here.
 ROOMS = [
     'procedures',
+    'language',
     'parameters',
     'core',
     'course',
@@ -29,7 +30,7 @@ ROOMS = [
     'cli',
 ]
 #: Rooms that have no ROS, no clock, no thread and no I/O.
-PURE = ['procedures', 'core', 'course', 'check', 'diagnosis', 'relay']
+PURE = ['procedures', 'language', 'core', 'course', 'check', 'diagnosis', 'relay']
 #: What those may use of the standard library.
 PURE_LIBRARY = {
     'collections',

@@ -12,6 +12,7 @@ BENCH = Path(__file__).resolve().parent.parent / 'bench'
 #: A figure that each benchmark gives.
 FIGURES = {
     'core': 'Axis.update',
+    'inputs': 'a message of 8 × 16 values',
     'simulated': 'core and plant',
     'homing_time': 'A: HSHS, 1000 Hz, until homed',
     'setpoints': 'controller at 1000 Hz, arrival late by up to 0.3 ms',

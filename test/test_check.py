@@ -800,6 +800,42 @@ def test_a_topic_of_an_input_that_is_not_wired():
         'switches: with z_pulse',
     )
     assert '/z' in one.what
+    typed = {**axis, 'x.switches': [HS, *BOTH], 'x.types.touch_probe': 'std_msgs/Float64'}
+    assert 'types.touch_probe is std_msgs/msg/Float64' in check_values(typed)[0].what
+
+
+def check_values(values):
+    return check(configuration({'axes': ['x'], **values}))
+
+
+def test_what_is_written_for_inputs():
+    """A latch that has no counter, and a bit that two inputs read."""
+    base = {f'x.{name}': value for name, value in VALUES.items()}
+    base['x.switches'] = [HS, *BOTH]
+    index = {
+        **base,
+        'x.home_type': 'HSZPulse',
+        'x.switches': [HS, *BOTH, 'z_pulse'],
+        'x.topics.z_pulse': '/g#i/position',
+    }
+    (found,) = [one for one in check_values(index) if one.check == 'latch-without-counter']
+    assert (found.severity, found.parameter) == (WARNING, 'topics.z_pulse')
+    for good in ('/g#i/position @ i/count', '/z'):
+        assert not [
+            one
+            for one in check_values({**index, 'x.topics.z_pulse': good})
+            if one.check == 'latch-without-counter'
+        ]
+
+    def shared(home, limit):
+        topics = {f'x.topics.{HS}': home, f'x.topics.{BOTH[0]}': limit}
+        return [one.check for one in check_values({**base, **topics})]
+
+    assert shared('/w#data & 6', '/w#data & 4') == ['bits-shared']
+    assert shared('/w#data', '/w#data & 4') == ['bits-shared']
+    assert shared('/w#data & 2', '/w#data & 4') == []
+    assert shared('/w#data & 6', '/v#data & 4') == []
+    assert 'home-is-limit' in shared('/w#data&4', '/w#data & 0x04')
 
 
 def test_the_good_axis_has_no_finding_but_the_index_that_it_does_not_use():

@@ -3,6 +3,7 @@
 
 import pytest
 
+from homing_node.language.expression import Source
 from homing_node.parameters.axis import DEFINITIONS
 from homing_node.parameters.configuration import (
     AXIS_DEFINITIONS,
@@ -14,6 +15,7 @@ from homing_node.parameters.configuration import (
     configuration,
     home_sequence,
 )
+from homing_node.parameters.connections import Connections
 from homing_node.parameters.definition import InvalidParameters
 from homing_node.procedures.states import HomeType, Input
 
@@ -42,7 +44,7 @@ def test_defaults():
     assert checked.home_sequence == (('x',),)
     assert checked.axes['x'].home_type is HomeType.HS
     assert checked.joints == {'x': 'x'}
-    assert checked.topics == {'x': {}}
+    assert checked.connections == {'x': Connections()}
 
 
 def test_everything_set():
@@ -69,7 +71,8 @@ def test_everything_set():
     assert checked.home_sequence == (('a_1',), ('z',))
     assert checked.joints == {'z': 'joint_z', 'a_1': 'a_1'}
     assert checked.position_joints == ('joint_z', 'a_1')
-    assert checked.topics == {'z': {Input.HOME_SWITCH: '/io/z'}, 'a_1': {}}
+    assert checked.connections['z'].sources == {Input.HOME_SWITCH: Source('/io/z')}
+    assert checked.connections['a_1'] == Connections()
 
 
 def test_the_joints_of_an_array_of_positions():
@@ -261,4 +264,10 @@ def test_every_parameter_is_described():
         assert definition.name == name
         assert definition.text
     assert set(DEFINITIONS) < set(AXIS_DEFINITIONS)
-    assert {f'topics.{name}' for name in Input} == set(AXIS_DEFINITIONS) - set(DEFINITIONS)
+    received = [*Input, 'feedback']
+    outputs = ['servo_on', 'torque_limit', 'arm_latch']
+    assert set(AXIS_DEFINITIONS) - set(DEFINITIONS) == {
+        *(f'{kind}.{name}' for kind in ('topics', 'types') for name in received),
+        *(f'commands.{name}' for name in [*outputs, 'no_torque_limit']),
+        *(f'services.{name}{end}' for name in outputs for end in ('', '_true', '_false')),
+    }

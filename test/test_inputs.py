@@ -4,57 +4,25 @@
 import itertools
 import math
 import time
+from contextlib import nullcontext
 
 import pytest
 from builtin_interfaces.msg import Time
 from core_rig import rig
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from input_rig import Clock, Graph
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
 from homing_node.core.axis import Axis
+from homing_node.parameters.connections import Connections
 from homing_node.procedures.states import Error, Input
-from homing_node.ros.inputs import MANY_LISTS, Inputs
+from homing_node.ros.inputs import Inputs
+from homing_node.ros.joint_feedback import MANY_LISTS
 from homing_node.ros.polling import MOST_AT_ONCE
 from homing_node.ros.timebase import TimeBase
-
-
-class Subscription:
-    """What Inputs polls; a list stands for the middleware."""
-
-    def __init__(self, kind, topic):
-        self.msg_type, self.topic_name = kind, topic
-        self.handle = self
-        self.waiting = []
-
-    def take_message(self, kind, raw):
-        assert kind is self.msg_type
-        assert raw
-        return self.waiting.pop(0) if self.waiting else None
-
-    @staticmethod
-    def get_publisher_count():
-        return 1
-
-
-class Clock:
-    """What the test says that it is."""
-
-    def __init__(self):
-        self.now, self.elapsed, self.simulated = 1000.0, 0.0, False
-
-    @property
-    def polled(self):
-        return self.now
-
-    def relate(self):
-        pass
-
-    @staticmethod
-    def time_of(nanoseconds):
-        return nanoseconds * 1e-9
 
 
 class Cell:
@@ -65,18 +33,13 @@ class Cell:
     def __init__(self, home_type, header_age=None, **changes):
         self.header_age = header_age
         self.axis = Axis('x', rig(home_type, **changes).parameters(), self.PERIOD)
-        self.topics = {}
+        self.graph = Graph()
+        self.topics = self.graph.topics
         self.clock = Clock()
         self.inputs = Inputs(
-            {'x': self.axis},
-            {'x': 'x'},
-            self.clock,
-            self._subscribe,
-            lambda _: None,
-            10,
-            self._late_cycle,
+            {'x': self.axis}, {'x': 'x'}, self.clock, self.graph, self._late_cycle, nullcontext()
         )
-        self.inputs.wire('x', {})
+        self.inputs.wire('x', Connections())
         self.last = None
         for source in self.axis.parameters.inputs:
             if 'switch' in source:
@@ -84,11 +47,6 @@ class Cell:
         self.say('joint_states', self.feedback(0.05))
         self.cycle()
         assert self.axis.home(self.clock.now) is None
-
-    def _subscribe(self, kind, topic, _):
-        name = topic.rpartition('/')[2]
-        self.topics[name] = Subscription(kind, topic)
-        return self.topics[name]
 
     def feedback(self, position):
         """Return a message of the joint; its header is as old as the cell says, s."""
@@ -310,7 +268,7 @@ def test_a_changed_polarity_keeps_the_subscription(known):
         cell.cycle()
     before = dict(cell.topics)
     cell.axis.configure(rig('HS', invert_hs_polarity=known).parameters())
-    cell.inputs.wire('x', {})
+    cell.inputs.wire('x', Connections())
     assert cell.topics == before
     assert cell.inputs.missing('x') == []
     refusal = cell.axis.refusal(cell.clock.now)
@@ -329,23 +287,18 @@ class Fed:
             for name, timeout in timeouts.items()
         }
         self.clock = clock or Clock()
-        self.topics = {}
+        self.graph = Graph()
+        self.topics = self.graph.topics
         self.inputs = Inputs(
             self.axes,
             {name: name for name in self.axes},
             self.clock,
-            self._subscribe,
-            lambda _: None,
-            10,
+            self.graph,
             lambda _: '',
+            nullcontext(),
         )
         for name in self.axes:
-            self.inputs.wire(name, {})
-
-    def _subscribe(self, kind, topic, _):
-        made = Subscription(kind, topic)
-        self.topics[topic.rpartition('/')[2]] = made
-        return made
+            self.inputs.wire(name, Connections())
 
     def say(self, age=0.0, later=0.004, **positions):
         """Let one message come; return the axes that took its stamp, and those its arrival."""
@@ -367,7 +320,7 @@ class Fed:
 
     def timeout(self, name, timeout):
         self.axes[name].configure(rig('HS', feedback_timeout=timeout).parameters())
-        self.inputs.wire(name, {})
+        self.inputs.wire(name, Connections())
 
 
 def test_joints_come_in_any_order_and_company():
@@ -422,7 +375,7 @@ def test_lists_of_joints_without_end_are_not_kept():
     fed = Fed(x=0.1)
     for number in range(3 * MANY_LISTS):
         assert fed.say(x=0.0, **{f'other_{number}': 0.0}) == ('x', 'x')
-    assert len(fed.inputs._lists) <= MANY_LISTS
+    assert len(fed.inputs.joint_feedback.lists) <= MANY_LISTS
 
 
 # -- the clocks of the computer -------------------------------------------------------------------

@@ -194,6 +194,7 @@ ORIGIN = {
     'switches': ['home_switch'],
     'switch_latency': 0.001,
     'feedback_clock': 'stamp',
+    'switch_clock': 'stamp',
     'wrap': 6.0,
     'encoder': 'absolute',
     'encoder_turn': 0.004,

@@ -14,6 +14,7 @@ from core_rig import rig
 
 from homing_node.core.axis import Axis
 from homing_node.core.outcome import Outcome
+from homing_node.parameters.connections import Output
 from homing_node.procedures.states import Error
 from homing_node.ros import reports
 from homing_node.ros.reports import LINGER, STATES_AT_ONCE, Publishers, Reports
@@ -35,8 +36,10 @@ class Watched:
             {name: name for name in self.axes},
             Publishers(
                 states=dict.fromkeys(self.axes, self.publisher('states')),
-                servos=dict.fromkeys(self.axes, self.publisher('servos')),
-                torque_limits=dict.fromkeys(self.axes, self.publisher('torque_limits')),
+                outputs={
+                    axis: {output: self.publisher(str(output)) for output in Output}
+                    for axis in self.axes
+                },
                 joint_states=self.publisher('joint_states'),
                 diagnostics=self.publisher('diagnostics'),
             ),
@@ -106,8 +109,9 @@ def test_what_changes_is_told_at_once_and_once():
     watched.reports.report(axis)
     watched.reports.run(lambda: True)
     assert [message.error for message in watched.of('states')] == ['NoError', 'ServoOff']
-    assert [message.data for message in watched.of('servos')] == [True, False]
-    assert [message.data for message in watched.of('torque_limits')] == [0.0, 0.0]
+    assert watched.of('servo_on') == [True, False]
+    assert watched.of('torque_limit') == [0.0]
+    assert watched.of('arm_latch') == [False]
 
 
 def test_another_home_is_a_change():

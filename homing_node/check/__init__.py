@@ -6,7 +6,7 @@ how fast messages travel go in, findings come out. Without a layout, only the pa
 checked, as the node does at its start.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from ..parameters.axis import AxisParameters
@@ -14,6 +14,7 @@ from ..parameters.configuration import Configuration
 from ..plant.layout import AxisLayout
 from ..plant.timing import Timing
 from .accuracy import Accuracy
+from .connected_inputs import ConnectedInputs
 from .final_move import FinalMove
 from .finding import Finding, Severity, in_unit, worst_first
 from .follow_ups import without_follow_ups
@@ -57,7 +58,11 @@ def check(
     findings: list[Finding] = []
     if isinstance(axes, Configuration):
         timing = timing._replace(update_rate=axes.update_rate, lead=axes.lead)
-        findings += [*_check_node(axes), *_unread_topics(axes), *SharedInputs(axes).check()]
+        findings += [
+            *_check_node(axes),
+            *ConnectedInputs(axes).check(),
+            *SharedInputs(axes).check(),
+        ]
         axes = axes.axes
     for axis, parameters in axes.items():
         findings += check_axis(axis, parameters, (layouts or NOWHERE).get(axis), timing)
@@ -139,21 +144,3 @@ def _check_node(configuration: Configuration) -> list[Finding]:
         )
         for axis in list(configuration.axes)[:1]
     ]
-
-
-def _unread_topics(configuration: Configuration) -> Iterator[Finding]:
-    """Find topics of inputs that are not in ``switches``."""
-    for axis, topics in configuration.topics.items():
-        switches = configuration.axes[axis].switches
-        for name, topic in topics.items():
-            if topic and name not in switches:
-                yield Finding(
-                    Severity.warning,
-                    axis,
-                    'topic-unread',
-                    f'topics.{name} is {topic}, but {name} is not in switches',
-                    'nothing reads it',
-                    'switches',
-                    None,
-                    f'with {name}',
-                )

@@ -8,6 +8,7 @@ homing direction is applied here. SI units; times are in s of one monotonic cloc
 """
 
 import math
+from collections.abc import Iterable
 
 from ..parameters.axis import AxisParameters
 from ..procedures.states import LIMIT_SWITCHES, Error, Input
@@ -119,6 +120,16 @@ class Axis(AxisHome):
         arrival = time if arrival is None else arrival
         edge = self.readings.switch(switch, time, signal, arrival, doubt)
         if edge is not None:
+            self._take(edge)
+
+    def repeat(
+        self, switches: Iterable[Input], time: float, arrival: float, doubt: float = 0.0
+    ) -> None:
+        """Record that some switches have the levels of their last messages.
+
+        The arguments are those of :meth:`switch`.
+        """
+        for edge in self.readings.repeat(switches, time, arrival, doubt):
             self._take(edge)
 
     def latch(self, source: Input, position: float) -> None:

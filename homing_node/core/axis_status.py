@@ -100,6 +100,11 @@ class AxisStatus:
         return 0.0 if self.machine is None else self.machine.torque_limit
 
     @property
+    def arm_latch(self) -> bool:
+        """Whether the run waits for a Z-pulse or a touch probe, so that the drive must latch."""
+        return self.machine is not None and self.machine.awaits_latch
+
+    @property
     def position(self) -> float:
         """The newest feedback: in homed coordinates if the axis is homed, else raw."""
         raw = self._sign * self.readings.track.position

@@ -17,6 +17,7 @@ from ..procedures.procedure import Row
 from ..procedures.states import Error, Input, State
 from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Step
 from .ending import Ending
+from .latches import EVENTS
 from .limits import Action, Limit, LimitSwitches, Response, Rise, response_to
 from .movement import Movement
 from .outcome import Failure
@@ -133,6 +134,12 @@ class Machine:
     def torque_limit(self) -> float:
         """The torque limit that the mechanical end asks for, %; 0: none."""
         return self.movement.end.torque_limit(searching=Event.END_DETECTED in self.row.on)
+
+    @property
+    def awaits_latch(self) -> bool:
+        """Whether the present row ends with a latched position."""
+        waits = any(event in self.row.on for event in EVENTS.values())
+        return waits and not self.ending.stopping
 
     @property
     def traveled(self) -> tuple[float, float]:

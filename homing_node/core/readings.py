@@ -91,6 +91,11 @@ class Readings:
         known = self.switches.get(switch)
         return known is not None and known.level is True
 
+    def signal(self, switch: Input) -> bool | None:
+        """Return the newest level of a switch on the wire, None where it is not known."""
+        known = self.switches.get(switch)
+        return None if known is None else known.signal
+
     @property
     def known(self) -> bool:
         """Whether a feedback was ever received."""
@@ -171,6 +176,19 @@ class Readings:
         edge = known.set(time - p.switch_latency, signal, arrival, doubt + p.switch_stamp_error)
         self.unsettled = self.unsettled or known.unsettled
         return edge
+
+    def repeat(
+        self, switches: Iterable[Input], time: float, arrival: float, doubt: float
+    ) -> Iterator[Edge]:
+        """Record that switches have the levels of their last messages; yield confirmed edges."""
+        p = self._parameters
+        time, doubt = time - p.switch_latency, doubt + p.switch_stamp_error
+        for switch in switches:
+            known = self.switches.get(switch)
+            if known is not None:
+                edge = known.repeat(time, arrival, doubt)
+                if edge is not None:
+                    yield edge
 
     def settle(self, now: float) -> Iterator[Edge]:
         """Yield the edges whose debounce is over by now."""

@@ -175,6 +175,11 @@ class Switch:
         self._last = self._heard = -1e300  # the newest change, and its arrival
 
     @property
+    def signal(self) -> bool | None:
+        """The newest level on the wire, None before the first message."""
+        return None if self.level is None else self._raw != self.inverted
+
+    @property
     def unsettled(self) -> bool:
         """Whether a change waits for its debounce."""
         return self._pending is not None
@@ -207,6 +212,17 @@ class Switch:
                 self._pending = (goes_on and self._dropped) or opening
             self._last, self._heard = time, arrival
         return confirmed or self._confirm(0.0)
+
+    def repeat(self, time: float, arrival: float, doubt: float = 0.0) -> Edge | None:
+        """Take a message with the level of the one before; the arguments are those of `set`."""
+        signal = self.signal
+        if signal is None:
+            return None
+        if self._pending is not None:
+            return self.set(time, signal, arrival, doubt)
+        self.seen = arrival
+        self.messages.repeat(time, doubt)
+        return None
 
     def poll(self, now: float) -> Edge | None:
         """Return the edge whose level has lasted for the debounce by now, if there is one.

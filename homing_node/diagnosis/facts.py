@@ -12,12 +12,16 @@ from ..procedures.states import Input
 
 
 class Endpoint(NamedTuple):
-    """A publisher or a subscription: the full name of its node, its message type and its QoS."""
+    """A publisher or a subscription: the full name of its node, its message type and its QoS.
+
+    ``definition`` tells the fields of the message type; '' where that is not known.
+    """
 
     node: str
     kind: str = ''
     reliable: bool = True
     latched: bool = False  # durability transient_local
+    definition: str = ''
 
     @property
     def qos(self) -> str:
@@ -93,26 +97,45 @@ class Heard(NamedTuple):
 
 
 class Topic(NamedTuple):
-    """An input topic of the node: its publishers, the node's own subscription, its messages."""
+    """The topic of an input: its publishers, the node's own subscription, its messages.
+
+    ``expression`` says what in the messages is the input, '' where that is the field `data`.
+    ``problem`` says why the expression does not fit the type of the messages, ``missing`` why the
+    last message did not say the input; '' where all is well.
+    """
 
     name: str
     publishers: tuple[Endpoint, ...] = ()
     subscription: Endpoint | None = None
     heard: Heard = Heard()
+    expression: str = ''
+    problem: str = ''
+    missing: str = ''
+
+    @property
+    def signal(self) -> str:
+        """The topic, and what in its messages is the input."""
+        return f'{self.name}#{self.expression}' if self.expression else self.name
 
 
 class Sample(NamedTuple):
-    """One message of the feedback; ``stamp`` is its header stamp in s, 0 where it has none."""
+    """One message of the feedback; ``stamp`` is its header stamp in s, 0 where it has none.
+
+    ``topic`` is where it came from.
+    """
 
     arrival: float
     sent: float
     stamp: float
     positions: Mapping[str, float]
+    topic: str = ''
 
 
 class Facts(NamedTuple):
     """Everything that the doctor found out about one homing node.
 
+    ``feedback`` is joint_states, ``own_feedback`` the topic of the feedback of each axis that has
+    one of its own; ``samples`` has the messages of all of them.
     ``twins`` counts the nodes of this name; ``listened`` is how long the doctor listened in s;
     ``lags`` has the lag of each axis's drive in s, where a layout file tells it.
     """
@@ -124,6 +147,7 @@ class Facts(NamedTuple):
     feedback: Topic
     samples: tuple[Sample, ...] = ()
     inputs: Mapping[tuple[str, Input], Topic] = {}
+    own_feedback: Mapping[str, Topic] = {}
     managers: tuple[Manager, ...] = ()
     sim_time: bool = False
     twins: int = 1

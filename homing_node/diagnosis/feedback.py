@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rules about the feedback: its publishers, its rate, its stamps and its course."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from math import isfinite, pi
 from statistics import median
 
 from ..check.finding import Finding, Severity, up
 from ..parameters.axis import AxisParameters
-from .facts import Facts, Sample
-from .qos import judge_qos
+from ..parameters.connections import FEEDBACK
+from .facts import Facts, Sample, Topic
+from .qos import judge_expression, judge_qos
 
 #: A header stamp that differs by more from the time of sending may be of another clock, s.
 STAMP_DOUBT = 0.01
@@ -21,7 +22,33 @@ MOVED = 1e-3
 
 def judge_feedback(facts: Facts) -> Iterator[Finding]:
     """Yield what is wrong with the feedback of every axis."""
-    topic, samples = facts.feedback, facts.samples
+    own, shared = facts.own_feedback, {}
+    for joint, (axis, p) in facts.setpoints.axes.items():
+        if axis in own:
+            yield from judge_expression(axis, FEEDBACK, own[axis])
+            yield from _topic(facts, own[axis], {joint: (axis, p)})
+        else:
+            shared[joint] = axis, p
+    if shared:
+        yield from _topic(facts, facts.feedback, shared)
+    samples = _samples(facts, facts.feedback)
+    if facts.setpoints.interface != 'trajectory' and samples:
+        for joint in facts.setpoints.joints:
+            others = joint not in facts.setpoints.axes
+            if others and not any(joint in one.positions for one in samples):
+                yield _missing(facts.feedback, samples, '', joint, 'position_joints')
+
+
+def _samples(facts: Facts, topic: Topic) -> list[Sample]:
+    """Return the messages of a topic."""
+    return [one for one in facts.samples if one.topic in ('', topic.name)]
+
+
+def _topic(
+    facts: Facts, topic: Topic, axes: Mapping[str, tuple[str, AxisParameters]]
+) -> Iterator[Finding]:
+    """Judge a topic and the axes whose feedback it has, by their joints."""
+    samples = _samples(facts, topic)
     yield from judge_qos('', 'feedback', topic)
     if not topic.publishers:
         yield Finding(
@@ -33,6 +60,8 @@ def judge_feedback(facts: Facts) -> Iterator[Finding]:
             'running, and in which namespace?',
         )
         return
+    if topic.problem or topic.missing:
+        return
     if not samples:
         yield Finding(
             Severity.error,
@@ -43,28 +72,24 @@ def judge_feedback(facts: Facts) -> Iterator[Finding]:
             'no run starts (FeedbackStale)',
         )
         return
-    setpoints = facts.setpoints
-    for joint, (axis, p) in setpoints.axes.items():
+    for joint, (axis, p) in axes.items():
         own = [one for one in samples if joint in one.positions]
         if own:
             yield from _joint(facts, axis, joint, p, own)
         else:
-            yield _missing(facts, axis, joint, 'joint')
-    if setpoints.interface != 'trajectory':
-        for joint in setpoints.joints:
-            others = joint not in setpoints.axes
-            if others and not any(joint in one.positions for one in samples):
-                yield _missing(facts, '', joint, 'position_joints')
+            yield _missing(topic, samples, axis, joint, 'joint')
 
 
-def _missing(facts: Facts, axis: str, joint: str, parameter: str) -> Finding:
+def _missing(
+    topic: Topic, samples: Sequence[Sample], axis: str, joint: str, parameter: str
+) -> Finding:
     """Return that the feedback lacks a joint, which a parameter names."""
-    names = sorted({name for one in facts.samples for name in one.positions})
+    names = sorted({name for one in samples for name in one.positions})
     return Finding(
         Severity.error,
         axis,
         'joint-missing',
-        f'{facts.feedback.name} has no joint {joint}',
+        f'{topic.name} has no joint {joint}',
         f'it has {", ".join(names) or "none"}: no run starts (FeedbackStale)',
         parameter,
         joint,

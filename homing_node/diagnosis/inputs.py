@@ -8,7 +8,7 @@ from ..check.finding import Finding, Severity, down, up
 from ..parameters.axis import AxisParameters
 from ..procedures.states import LATCHES, Input
 from .facts import Facts, Topic
-from .qos import judge_qos
+from .qos import judge_expression, judge_qos
 
 #: A polled switch that leaves the edge open by more than this costs accuracy, m.
 FINE = 1e-4
@@ -23,6 +23,7 @@ def judge_inputs(facts: Facts) -> Iterator[Finding]:
     parameters = dict(facts.setpoints.axes.values())
     for (axis, source), topic in facts.inputs.items():
         yield from judge_qos(axis, source, topic)
+        yield from judge_expression(axis, source, topic)
         yield from _publishers(axis, source, topic)
         if topic.publishers and source not in LATCHES and source is not Input.SERVO_ENABLED:
             yield from _rate(axis, source, topic, parameters[axis], facts.listened)
@@ -112,7 +113,10 @@ def _rate(
 
 def _clocks(facts: Facts) -> Iterator[Finding]:
     """Judge the clocks of the hosts by the messages that travelled fastest."""
-    for topic in [facts.feedback, *facts.inputs.values()]:
+    for topic in {
+        one.name: one
+        for one in [facts.feedback, *facts.own_feedback.values(), *facts.inputs.values()]
+    }.values():
         delay = topic.heard.delay
         if delay is None or -EARLY <= delay <= LATE:
             continue

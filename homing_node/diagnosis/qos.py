@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules about publishers and subscriptions that do not reach each other."""
+"""Rules about messages that do not reach the node, or do not say what it wants to know."""
 
 from collections.abc import Iterator
 
@@ -42,3 +42,27 @@ def judge_qos(axis: str, source: str, topic: Topic) -> Iterator[Finding]:
                 f'qos_overrides.{topic.name}.subscription.durability',
                 right='transient_local',
             )
+
+
+def judge_expression(axis: str, source: str, topic: Topic) -> Iterator[Finding]:
+    """Yield why the messages of a topic do not say an input."""
+    if topic.problem:
+        yield Finding(
+            Severity.error,
+            axis,
+            'expression',
+            f'{topic.signal}: {topic.problem}',
+            f'{source} cannot be read, and no run starts (InvalidParameter)',
+            f'topics.{source}',
+            topic.signal,
+        )
+    elif topic.missing:
+        yield Finding(
+            Severity.error,
+            axis,
+            'value-missing',
+            f'{topic.signal}: {topic.missing}',
+            f'{source} is not known, and no run starts',
+            f'topics.{source}',
+            topic.signal,
+        )

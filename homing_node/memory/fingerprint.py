@@ -7,7 +7,6 @@ import json
 from collections.abc import Mapping
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import Input
 
 #: What moves no origin: how fast, how far at most, how long, and what becomes of the result. A
 #: parameter that is not named here is part of the hash.
@@ -74,13 +73,13 @@ NO_ORIGIN = frozenset(
 )
 
 
-def configuration_hash(parameters: AxisParameters, joint: str, topics: Mapping[Input, str]) -> str:
+def configuration_hash(parameters: AxisParameters, joint: str, topics: Mapping[str, str]) -> str:
     """Return the hash of all that says where home is.
 
     Args:
         parameters: The parameters of the axis.
         joint: Its joint.
-        topics: The topics of its inputs, as far as the user names them.
+        topics: The sources of its inputs, as far as the user names them.
     """
     values: dict[str, object] = {
         field.name: str(value)

@@ -174,6 +174,11 @@ class AxisFields:
         'sampling time of the feedback: the header stamp, the arrival (the time of sending), '
         'or auto (the stamp; if it is more than 0.01 s from the sending, both are possible)',
     )
+    switch_clock: FeedbackClock = fields.parameter(
+        FeedbackClock,
+        FeedbackClock.auto,
+        'sampling time of a switch whose messages have a header: as feedback_clock',
+    )
     wrap: float = fields.distance(
         0.0, 'the feedback is published modulo this distance, 6.283185 for a turn (0: it is not)'
     )

@@ -2,15 +2,16 @@
 """The parameters of the node and of all its axes, from ROS or from a YAML file.
 
 NODE_DEFINITIONS holds the node's own parameters, AXIS_DEFINITIONS the parameters of each axis and
-the names of its topics, ``<axis>.topics.<input>``. SI units.
+its connections, such as ``<axis>.topics.<input>``. SI units.
 """
 
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from ..procedures.states import Input, TextEnum
+from ..procedures.states import TextEnum
 from .axis import DEFINITIONS, AxisParameters, axis_parameters
+from .connections import CONNECTION_DEFINITIONS, Connections, connections
 from .definition import Definition, InvalidParameters, read, table, unknown
 from .qos import check_override
 
@@ -18,9 +19,6 @@ AXIS_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 
 #: Where the files of the memory are: `$ROS_HOME` (default `~/.ros`), the full name of the node.
 MEMORY_FOLDER = '$ROS_HOME/homing/<node>'
-
-#: A topic: absolute, relative, or under the node's name (~/).
-TOPIC_NAME = re.compile(r'(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 #: Names under the node's own that an axis must not take.
 RESERVED = frozenset(
@@ -168,29 +166,7 @@ COMMON_DEFINITIONS: Mapping[str, Definition] = table(
 )
 
 
-class TopicDefinition(Definition):
-    """The definition of a topic's name; '' stands for the default name."""
-
-    def convert(self, value: object) -> Any:
-        topic = super().convert(value)
-        if topic and not TOPIC_NAME.fullmatch(topic):
-            raise ValueError(f'{self.name}: {topic!r} is not the name of a topic')
-        return topic
-
-
-TOPIC_DEFINITIONS: Mapping[str, Definition] = table(
-    *(
-        TopicDefinition(
-            f'topic of {name} (empty: ~/<axis>/{name})', str, name=f'topics.{name}', default=''
-        )
-        for name in Input
-    )
-)
-
-#: The input whose topic a parameter names.
-TOPICS: Mapping[str, Input] = {f'topics.{name}': name for name in Input}
-
-AXIS_DEFINITIONS: Mapping[str, Definition] = {**DEFINITIONS, **TOPIC_DEFINITIONS}
+AXIS_DEFINITIONS: Mapping[str, Definition] = {**DEFINITIONS, **CONNECTION_DEFINITIONS}
 
 
 class Configuration(NamedTuple):
@@ -200,7 +176,7 @@ class Configuration(NamedTuple):
     """
 
     axes: Mapping[str, AxisParameters]
-    topics: Mapping[str, Mapping[Input, str]]
+    connections: Mapping[str, Connections]
     update_rate: float
     cycle_timeout: float
     ready_timeout: float
@@ -237,20 +213,18 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
     faults += bad_names(node.get('axes'))
     names = list(dict.fromkeys(node.get('axes', [])))
     axes: dict[str, AxisParameters] = {}
-    topics: dict[str, dict[Input, str]] = {}
+    connected: dict[str, Connections] = {}
     for axis in names:
         below = {
             name.removeprefix(f'{axis}.'): value
             for name, value in values.items()
             if name.startswith(f'{axis}.')
         }
-        given = {name: value for name, value in below.items() if name in TOPICS}
-        good, found = read(given, TOPIC_DEFINITIONS)
-        faults += [f'{axis}.{fault}' for fault in found]
-        topics[axis] = {TOPICS[name]: good[name] for name in given if name in good}
+        connected[axis], found = connections(below, axis)
+        faults += found
         try:
             axes[axis] = axis_parameters(
-                {name: value for name, value in below.items() if name not in TOPICS}, axis
+                {n: value for n, value in below.items() if n not in CONNECTION_DEFINITIONS}, axis
             )
         except InvalidParameters as error:
             faults += error.faults
@@ -266,7 +240,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         raise InvalidParameters(faults)
     return Configuration(
         axes,
-        topics,
+        connected,
         node['update_rate'],
         node['cycle_timeout'],
         node['ready_timeout'],
@@ -301,12 +275,13 @@ def home_sequence(groups: list[str], axes: list[str]) -> tuple[tuple[str, ...], 
 
 def check_axis_values(axis: str, values: Mapping[str, object]) -> tuple[str, ...]:
     """Return the faults of an axis's parameters taken together, cross-checks included."""
-    own = {name: value for name, value in values.items() if name not in TOPIC_DEFINITIONS}
+    own = {name: value for name, value in values.items() if name not in CONNECTION_DEFINITIONS}
+    _, faults = connections(values, axis)
     try:
         axis_parameters(own, axis)
     except InvalidParameters as error:
-        return error.faults
-    return ()
+        return (*error.faults, *faults)
+    return tuple(faults)
 
 
 def check_node_value(name: str, value: Any, axes: list[str]) -> None:

@@ -61,7 +61,7 @@ def wiring_of(configuration: Configuration) -> Wiring:
     """Return the wiring that the parameters describe; a remapping at the start is not in them."""
     return Wiring(
         {
-            Place(axis, name): configuration.topics[axis].get(name) or f'~/{axis}/{name}'
+            Place(axis, name): str(configuration.connections[axis].source(axis, name))
             for axis, parameters in configuration.axes.items()
             for name in parameters.inputs
         }

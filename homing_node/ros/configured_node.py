@@ -2,7 +2,7 @@
 """A node that declares, checks and forwards the parameters of configuration.py."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -11,19 +11,23 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ..check import Severity, check, errors
-from ..parameters.axis import AxisParameters, axis_parameters
+from ..parameters.axis import DEFINITIONS, AxisParameters, axis_parameters
 from ..parameters.configuration import (
     AXIS_DEFINITIONS,
     COMMON_DEFINITIONS,
     NODE_DEFINITIONS,
-    TOPICS,
     Configuration,
     check_axis_values,
     check_node_value,
     configuration,
 )
+from ..parameters.connections import (
+    CONNECTION_DEFINITIONS,
+    TOPIC_DEFINITIONS,
+    Connections,
+    connections,
+)
 from ..parameters.definition import Definition, InvalidParameters
-from ..procedures.states import Input
 from . import messages
 
 #: Parameters that take effect at the start only.
@@ -39,6 +43,9 @@ FIXED = (
     'memory',
     'joint',
 )
+
+#: The same for the parameters of an axis whose names begin so.
+FIXED_KINDS = ('commands.', 'services.')
 
 
 class ConfiguredNode(Node, ABC):
@@ -94,11 +101,20 @@ class ConfiguredNode(Node, ABC):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
-    def topics_of(self, axis: str) -> dict[Input, str]:
-        """Return the topics that an axis's parameters name; '' is the input's own."""
-        return {
-            source: self.get_parameter(f'{axis}.{name}').value for name, source in TOPICS.items()
-        }
+    def topics_of(self, axis: str) -> dict[str, str]:
+        """Return what an axis's parameters say of the topics of its inputs."""
+        values = self._values(axis, TOPIC_DEFINITIONS)
+        return {name.partition('.')[2]: str(value) for name, value in values.items()}
+
+    def connections_of(self, axis: str) -> Connections:
+        """Return the connections that an axis's parameters describe.
+
+        Raises InvalidParameters if they contradict each other.
+        """
+        found, faults = connections(self._values(axis, CONNECTION_DEFINITIONS), axis)
+        if faults:
+            raise InvalidParameters(faults)
+        return found
 
     # --------------------------------------------------------------------- the subclass has these
 
@@ -140,7 +156,7 @@ class ConfiguredNode(Node, ABC):
             value = messages.plain(given.get(name, definition.initial))
             if value == []:  # rclpy takes it for an array of bytes
                 empty.append(Parameter(name, Parameter.Type.STRING_ARRAY, value))
-            declared.append((name, value, messages.descriptor(definition, read_only=key in FIXED)))
+            declared.append((name, value, messages.descriptor(definition, read_only=_fixed(key))))
         self.declare_parameters('', declared, ignore_override=True)
         self.set_parameters(empty)
 
@@ -213,7 +229,7 @@ class ConfiguredNode(Node, ABC):
         for axis in {p.name.partition('.')[0] for p in parameters} & set(self.configuration.axes):
             self._unwired.pop(axis, None)
             try:
-                self.take_axis(axis, axis_parameters(self._values(axis), axis))
+                self.take_axis(axis, axis_parameters(self._values(axis, DEFINITIONS), axis))
             except InvalidParameters as error:
                 self._unwired[axis] = error.faults
         self.faults = {**self._unwired, **problems}
@@ -240,11 +256,12 @@ class ConfiguredNode(Node, ABC):
         values = {name: self.get_parameter(name).value for name in names}
         return {name: value for name, value in values.items() if value is not None}
 
-    def _values(self, axis: str) -> dict[str, object]:
-        """Return the parameters of an axis that have a value, without its topics."""
-        values = {name: self.get_parameter(f'{axis}.{name}').value for name in AXIS_DEFINITIONS}
-        return {
-            name: value
-            for name, value in values.items()
-            if value is not None and name not in TOPICS
-        }
+    def _values(self, axis: str, names: Iterable[str] = AXIS_DEFINITIONS) -> dict[str, object]:
+        """Return those parameters of an axis that have a value."""
+        values = {name: self.get_parameter(f'{axis}.{name}').value for name in names}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+def _fixed(key: str) -> bool:
+    """Return whether a parameter takes effect at the start only."""
+    return key in FIXED or key.startswith(FIXED_KINDS)

@@ -19,6 +19,7 @@ from .guarded_axis import GuardedAxis
 from .handovers import Handovers
 from .inputs import Inputs
 from .joint_order import JointOrder
+from .outputs import Outputs
 from .polling import never_called
 from .readiness import FIRST_INSTANT
 from .reports import Reports
@@ -57,6 +58,7 @@ class Cycle:
         order: JointOrder | None,
         controllers: Controllers,
         handovers: Handovers,
+        outputs: Outputs,
         reports: Reports,
         waits: Waits,
         logger: Any,
@@ -75,6 +77,7 @@ class Cycle:
             order: The order of the joints in an array of positions, if setpoints are such arrays.
             controllers: Who plays the setpoints.
             handovers: The hand-overs of the homes.
+            outputs: What drives are told besides setpoints.
             reports: All that is published besides the setpoints.
             waits: The futures of the requests.
             logger: The logger of the node.
@@ -83,7 +86,7 @@ class Cycle:
         self._timebase, self._lock = timebase, lock
         self._inputs, self._dispatch, self._setpoints = inputs, dispatch, setpoints
         self._order, self._controllers, self._reports = order, controllers, reports
-        self._handovers = handovers
+        self._handovers, self._outputs = handovers, outputs
         self._waits, self._logger = waits, logger
         self._lead = Lead(period)
         self._watched = 0.0
@@ -173,15 +176,14 @@ class Cycle:
 
     def _once(self, now: float, due: float) -> None:
         """Poll the inputs, update the axes, publish setpoints, answer the requests that ended."""
-        setpoints, changed = {}, False
+        setpoints, changed, look = {}, False, False
         watching = now - self._watched > WATCH_PERIOD
         if watching:
             self._watched = now
         with self._lock:
             if not self._inputs_ignored:
                 self._inputs.poll()
-                if watching:
-                    self._inputs.watch()
+                look = watching and self._inputs.watch()
             if self._stop_requested:
                 self._dispatch.close()
             for name, axis in self._axes.items():
@@ -207,6 +209,10 @@ class Cycle:
             self._reports.afterwards(self._waits.end, ended)
         if asks is not None:
             self._reports.afterwards(self._hand_over, asks)
+        if look:
+            self._waits.call(self._inputs.look)
+        if watching and self._outputs.used:
+            self._waits.call(self._outputs.look)
         if watching and self._controllers.watch():
             self._waits.call(self._controllers.look)
         if finished:

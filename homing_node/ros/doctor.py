@@ -7,9 +7,9 @@ nothing is published.
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 import rclpy
@@ -21,7 +21,6 @@ from sensor_msgs.msg import JointState
 
 from ..diagnosis.facts import (
     Controller,
-    Endpoint,
     Facts,
     Heard,
     Manager,
@@ -29,10 +28,16 @@ from ..diagnosis.facts import (
     Setpoints,
     Topic,
 )
+from ..language.cdr import Broken
+from ..language.expression import BadExpression, Source
+from ..language.reader import Missing, NotMine, Reader
+from ..language.resolve import bind
 from ..parameters.configuration import Configuration, configuration
+from ..parameters.connections import FEEDBACK
 from ..procedures.states import Input
-from . import graph, managers
+from . import graph, managers, message_types
 from .asking import Parameters, of_interest
+from .feeds import default_value
 from .managers import ManagerList
 
 #: The service by which a homing node is known.
@@ -76,6 +81,27 @@ def examine(
         doctor.close()
 
 
+@dataclass
+class HeardInput:
+    """An input of the node, and what was heard of it.
+
+    Attributes:
+        topic: the full name of its topic.
+        written: what the user wrote for it.
+        joint: the joint, if it is feedback.
+        messages: the arrival, the sending and the value of each message.
+        problem: why the expression does not fit the type.
+        missing: why the last message did not say it.
+    """
+
+    topic: str
+    written: Source
+    joint: str = ''
+    messages: list[tuple[float, float, float]] = field(default_factory=list)
+    problem: str = ''
+    missing: str = ''
+
+
 class Doctor:
     """A node in a context of its own that looks at one homing node."""
 
@@ -91,7 +117,6 @@ class Doctor:
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._heard: dict[str, list[tuple[float, float, float]]] = {}
         self._samples: list[Sample] = []
         self._listening: set[str] = set()
 
@@ -112,12 +137,17 @@ class Doctor:
         setpoints = self._setpoints(checked)
         feedback = self._subscribed_of_type('sensor_msgs/msg/JointState')
         inputs = self._inputs(checked)
+        topics: dict[str, list[HeardInput]] = {}
+        for one in inputs.values():
+            topics.setdefault(one.topic, []).append(one)
+        own = {axis: one for (axis, source), one in inputs.items() if source == FEEDBACK}
+        elsewhere = {checked.joints[axis] for axis in own}
         until = time.monotonic() + listen
 
         def over() -> bool:
-            self._listen_to_feedback(feedback)
-            for topic in inputs.values():
-                self._listen_to_input(topic)
+            self._listen_to_feedback(feedback, elsewhere)
+            for topic, of_topic in topics.items():
+                self._listen_to(topic, of_topic)
             return time.monotonic() > until
 
         self._until(over, listen + 1.0)
@@ -128,13 +158,22 @@ class Doctor:
             publishers=graph.publishers(self._node, setpoints.topic),
             controllers=controllers,
             feedback=self._topic(
-                feedback, _heard([(one.arrival, one.sent, 0.0) for one in self._samples])
+                feedback,
+                _heard(
+                    [
+                        (one.arrival, one.sent, 0.0)
+                        for one in self._samples
+                        if one.topic == feedback
+                    ]
+                ),
             ),
             samples=tuple(self._samples),
             inputs={
-                key: self._topic(topic, _heard(self._heard.get(topic, [])))
-                for key, topic in inputs.items()
+                (axis, Input(source)): self._topic_of(one)
+                for (axis, source), one in inputs.items()
+                if source != FEEDBACK
             },
+            own_feedback={axis: self._topic_of(one) for axis, one in own.items()},
             managers=found_managers,
             sim_time=bool(values.get('use_sim_time', False)),
             twins=self._names().count(self.target),
@@ -234,70 +273,105 @@ class Doctor:
         self._until(found, PATIENCE)
         return topics[0] if topics else graph.expand('joint_states', self.target)
 
-    def _inputs(self, checked: Configuration) -> dict[tuple[str, Input], str]:
-        return {
-            (axis, source): graph.expand(
-                (checked.topics[axis].get(source) or f'~/{axis}/{source}').partition('#')[0],
-                self.target,
-            )
-            for axis, p in checked.axes.items()
-            for source in p.inputs
-        }
+    def _inputs(self, checked: Configuration) -> dict[tuple[str, str], HeardInput]:
+        """Return every wired input, and the feedback of the axes that have their own."""
+        found = {}
+        for axis, p in checked.axes.items():
+            connections = checked.connections[axis]
+            own = [FEEDBACK] if FEEDBACK in connections.sources else []
+            for source in [*p.inputs, *own]:
+                written = connections.source(axis, source)
+                topic = graph.expand(written.topic, self.target)
+                joint = checked.joints[axis] if source == FEEDBACK else ''
+                found[axis, str(source)] = HeardInput(topic, written, joint)
+        return found
 
     def _topic(self, name: str, heard: Heard) -> Topic:
         own = [e for e in graph.subscriptions(self._node, name) if e.node == self.target]
         return Topic(name, graph.publishers(self._node, name), own[0] if own else None, heard)
 
-    def _listen_to_feedback(self, topic: str) -> None:
+    def _topic_of(self, one: HeardInput) -> Topic:
+        return self._topic(one.topic, _heard(one.messages))._replace(
+            expression=one.written.expression, problem=one.problem, missing=one.missing
+        )
+
+    def _listen_to_feedback(self, topic: str, elsewhere: Collection[str]) -> None:
         if topic not in self._listening:
             self._listening.add(topic)
-            self._node.create_subscription(JointState, topic, self._take_feedback, LISTEN)
+            take = partial(self._take_feedback, topic, elsewhere)
+            self._node.create_subscription(JointState, topic, take, LISTEN)
 
-    def _listen_to_input(self, topic: str) -> None:
+    def _listen_to(self, topic: str, inputs: Sequence[HeardInput]) -> None:
         """Subscribe once a publisher shows its type, if that type is installed here."""
-        if topic in self._listening:
+        name = f'{topic}#'  # besides the feedback
+        if name in self._listening:
             return
         offers = graph.publishers(self._node, topic)
-        kind = _message_type(offers)
-        if offers:
-            self._listening.add(topic)
-        if kind is not None:
-            self._heard[topic] = []
-            self._node.create_subscription(kind, topic, partial(self._take, topic), LISTEN)
+        if not offers:
+            return
+        self._listening.add(name)
+        kind = offers[0].kind
+        try:
+            layout, kind_class = message_types.layout(kind), message_types.message_class(kind)
+        except BadExpression as error:
+            for one in inputs:
+                one.problem = str(error)
+            return
+        fitting, bounds = [], []
+        for one in inputs:
+            default = default_value(layout.names, one.joint)
+            try:
+                bounds.append(bind(one.written, layout, default))
+                fitting.append(one)
+            except BadExpression as error:
+                one.problem = str(error)
+        take = partial(self._take, Reader(layout, bounds), fitting)
+        self._node.create_subscription(kind_class, topic, take, LISTEN, raw=True)
 
-    def _take_feedback(self, message: JointState, info: Mapping[str, int]) -> None:
+    def _take_feedback(
+        self, topic: str, elsewhere: Collection[str], message: JointState, info: Mapping[str, int]
+    ) -> None:
+        """Take the positions, but for the joints whose feedback comes from elsewhere."""
         stamp = message.header.stamp
+        positions = zip(message.name, message.position, strict=False)
         self._samples.append(
             Sample(
                 info['received_timestamp'] * 1e-9,
                 info['source_timestamp'] * 1e-9,
                 stamp.sec + stamp.nanosec * 1e-9,
-                dict(zip(message.name, message.position, strict=False)),
+                {name: position for name, position in positions if name not in elsewhere},
+                topic,
             )
         )
 
-    def _take(self, topic: str, message: Any, info: Mapping[str, int]) -> None:
-        value = getattr(message, 'data', 0.0)
-        self._heard[topic].append(
-            (
-                info['received_timestamp'] * 1e-9,
-                info['source_timestamp'] * 1e-9,
-                float(value) if isinstance(value, bool | int | float) else 0.0,
-            )
-        )
+    def _take(
+        self,
+        reader: Reader,
+        inputs: Sequence[HeardInput],
+        data: bytes,
+        info: Mapping[str, int],
+    ) -> None:
+        arrival, sent = info['received_timestamp'] * 1e-9, info['source_timestamp'] * 1e-9
+        try:
+            reading = reader.read(data)
+        except Broken as error:
+            for one in inputs:
+                one.missing = str(error)
+            return
+        for one, value in zip(inputs, reading.values, strict=True):
+            if isinstance(value, NotMine):
+                continue
+            one.missing = value.text if isinstance(value, Missing) else ''
+            if isinstance(value, Missing):
+                continue
+            one.messages.append((arrival, sent, float(value)))
+            if one.joint:
+                positions = {one.joint: float(value)}
+                self._samples.append(
+                    Sample(arrival, sent, reading.stamp * 1e-9, positions, one.topic)
+                )
 
 
 def _heard(messages: list[tuple[float, float, float]]) -> Heard:
     """Return messages, each its arrival, its sending and its value, as the rules want them."""
     return Heard(*map(tuple, zip(*messages, strict=True))) if messages else Heard()
-
-
-def _message_type(offers: tuple[Endpoint, ...]) -> Any:
-    """Return the class of the messages that publishers offer, None where it is not installed."""
-    for offer in offers:
-        package, _, name = offer.kind.partition('/msg/')
-        try:
-            return getattr(import_module(f'{package}.msg'), name)
-        except (ImportError, AttributeError):
-            continue
-    return None

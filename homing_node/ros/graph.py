@@ -64,4 +64,10 @@ def _endpoint(info: Any) -> Endpoint:
         info.topic_type,
         qos.reliability is not ReliabilityPolicy.BEST_EFFORT,
         qos.durability is DurabilityPolicy.TRANSIENT_LOCAL,
+        _definition(info.topic_type_hash),
     )
+
+
+def _definition(type_hash: Any) -> str:
+    """Return the hash of a type's definition, '' where the endpoint does not tell it."""
+    return str(type_hash) if type_hash.version > 0 else ''

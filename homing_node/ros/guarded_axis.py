@@ -54,6 +54,7 @@ class GuardedAxis(Axis):
     feedback = _guarded(Axis.feedback)
     feedback_source_changed = _guarded(Axis.feedback_source_changed)
     switch = _guarded(Axis.switch)
+    repeat = _guarded(Axis.repeat)
     latch = _guarded(Axis.latch)
     enable = _guarded(Axis.enable)
     warn = _guarded(Axis.warn)

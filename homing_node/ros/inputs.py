@@ -1,110 +1,53 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's subscriptions, polled by the cycle: messages and their stamps to the axes."""
+"""The node's subscriptions, polled by the cycle: messages and their stamps to the axes.
 
-from collections.abc import Callable, Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, field
-from math import isfinite
-from typing import Any
+A topic has one subscription, however many inputs come from it (feeds.py). Its type and its QoS
+follow its publishers (adapting.py): the cycle notices that they have changed, and the executor
+looks at the graph and subscribes anew.
+"""
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64
+from std_msgs.msg import Bool
 
 from ..core.axis import Axis
 from ..core.outcome import Outcome
 from ..core.position_array import OtherJoint
-from ..core.stamps import REORDERED, Stamps, too_late
+from ..diagnosis.facts import Endpoint
+from ..parameters.connections import FEEDBACK, Connections
 from ..parameters.definition import InvalidParameters
 from ..parameters.wiring import Place, Wiring
-from ..procedures.states import LATCHES, Error, FeedbackClock, Input
+from ..procedures.states import LATCHES, Error, Input
 from . import messages
+from .adapting import Asked, adapted, mismatch
+from .feeds import Feed, WiredInput
+from .joint_feedback import JointFeedback
+from .message_types import message_class
 from .polling import Info, Take, taker, waiting
-from .serialized import JointStateReader, PlainJointStateReader
+from .subscriptions import qos
 from .timebase import TimeBase
 
-#: In simulated time an edge is as old as its message's way, and the next cycle sees it: up to this
-#: many periods lie between.
-UNSTAMPED = 2.0
-#: More lists of joints than publishers can have: the oldest one is forgotten.
-MANY_LISTS = 100
 
-#: Messages may come in another order than they were sent in, by up to this many.
-REORDERED_MESSAGES = 10
+class Graph(Protocol):
+    """Makes subscriptions, and shows publishers; see subscriptions.py."""
 
-#: Hears the last message of a publisher that latches it.
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-#: (message type, topic, QoS) -> a polled subscription; raises ValueError if there can be none.
-Subscribe = Callable[[Any, str, Any], Any]
-
-
-@dataclass(eq=False)
-class WiredInput:
-    """One wired input of an axis; ``heard``: its present publisher has sent a level."""
-
-    source: Input
-    topic: str
-    stamps: Stamps
-    subscription: Any
-    heard: bool = False
-    take: Take = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.take = taker(self.subscription, serialized=True)
-
-    @property
-    def name(self) -> str:
-        return f'{self.source} ({self.subscription.topic_name})'
-
-
-class JointList:
-    """The axes whose joints stand in one list of names, which one publisher sends.
-
-    ``groups``: the axes with the same ``feedback_timeout`` and ``feedback_clock``, each with its
-    place in the list; they judge a stamp alike. ``known``: the stamps that each axis last judged
-    by. ``others``: joints that no axis homes, with their places. ``number``: that of the newest
-    message; a new publisher counts from the beginning.
-    """
-
-    number = 0
-
-    def __init__(
-        self,
-        places: Sequence[tuple[int, Axis]],
-        known: dict[str, Stamps],
-        others: Sequence[tuple[int, OtherJoint]] = (),
-    ) -> None:
-        self._places, self._known = places, known
-        self.others = others
-        self.groups: list[tuple[Stamps, list[tuple[int, Axis]]]] = []
-        self.regroup()
-
-    def regroup(self) -> None:
-        """Follow changed parameters; what is known of the stamps stays."""
-        groups: dict[tuple[float, str], tuple[Stamps, list[tuple[int, Axis]]]] = {}
-        for place, axis in self._places:
-            limit, clock = axis.parameters.feedback_timeout, axis.parameters.feedback_clock
-            if (limit, clock) not in groups:
-                stamps = copy(self._known.get(axis.name) or Stamps(limit, REORDERED))
-                stamps.limit, stamps.clock = limit, clock
-                groups[limit, clock] = stamps, []
-            stamps, places = groups[limit, clock]
-            places.append((place, axis))
-            self._known[axis.name] = stamps
-        self.groups = list(groups.values())
+    def resolve(self, topic: str) -> str: ...
+    def subscribe(self, kind: Any, topic: str, profile: Any, overridable: bool = True) -> Any: ...
+    def destroy(self, subscription: Any) -> None: ...
+    def offers(self, topic: str) -> tuple[Endpoint, ...]: ...
+    def count(self, topic: str) -> int: ...
+    def asked(self, topic: str, kind: str) -> Endpoint | None: ...
 
 
 class Inputs:
     """All inputs of all axes.
 
-    ``feedback_qos`` is the QoS of `joint_states`; ``destroy`` undoes ``subscribe``.
-    ``late_cycle(late)`` returns the message of CycleLate if a cycle so late (s) ends a run, else
-    ''. ``serialized``: read joint states from their bytes (serialized.py).
-
-    Attributes:
-        others: the joints that no axis homes and whose feedback is wanted, by name; set before the
-            first poll.
+    ``graph`` makes the subscriptions. ``late_cycle(late)`` returns the message of CycleLate if a
+    cycle so late (s) ends a run, else ''. ``serialized``: read joint states from their bytes.
+    ``lock`` guards the axes.
     """
 
     def __init__(
@@ -112,146 +55,310 @@ class Inputs:
         axes: Mapping[str, Axis],
         joints: Mapping[str, str],
         clock: TimeBase,
-        subscribe: Subscribe,
-        destroy: Callable[[Any], object],
-        feedback_qos: Any,
+        graph: Graph,
         late_cycle: Callable[[float], str],
+        lock: threading.Lock,
         serialized: bool = True,
     ) -> None:
-        self._axes = axes
-        self._clock = clock
-        self._subscribe, self._destroy = subscribe, destroy
+        self._axes, self._joints = axes, joints
+        self._clock, self._graph, self._lock = clock, graph, lock
         self._late_cycle = late_cycle
-        self.others: Mapping[str, OtherJoint] = {}
-        self._by_joint = {joint: axes[axis] for axis, joint in joints.items()}
-        self._lists: dict[tuple[str, ...], JointList] = {}  # by the names of a message
-        self._names: tuple[str, ...] = ()  # of the last message, and their list
-        self._list = JointList([], {})
-        self._feedback_stamps: dict[str, Stamps] = {}  # of each axis, as last judged
-        self._reader = JointStateReader() if serialized else PlainJointStateReader()
-        feedback = subscribe(JointState, 'joint_states', feedback_qos)
-        self._feedback_topic = feedback.topic_name
-        self._next_feedback = taker(feedback, True)
-        # The latched subscription also receives what was published before the node started.
-        self._emergency_stops = [
-            taker(subscribe(Bool, '~/emergency_stop', qos), True) for qos in (10, LATCHED)
-        ]
         self._wired: dict[str, list[WiredInput]] = {name: [] for name in axes}
-        self._all: list[tuple[Take, Axis, WiredInput]] = []
+        self._feeds: dict[str, Feed] = {}
+        self._polled: list[tuple[Take, Feed]] = []
+        self._looking = False
+        self.joint_feedback = JointFeedback(serialized)
+        self._joint_states: Any = None
+        self._next_joint_states: Take = lambda: None
+        # A late joiner hears what was published before only of a publisher that is reliable and
+        # keeps it, and nothing of one that is not reliable where it asks for that.
+        self._emergency_stops = [
+            taker(graph.subscribe(Bool, '~/emergency_stop', profile, overridable), True)
+            for profile, overridable in (
+                (qos(), True),
+                (qos(latched=True), False),
+                (qos(reliable=False), False),
+            )
+        ]
 
-    def wire(self, name: str, topics: Mapping[Input, str]) -> None:
+    # ------------------------------------------------------------------------------------- wiring
+
+    def wire(self, name: str, connections: Connections) -> None:
         """Subscribe to the inputs that an axis's parameters name.
 
-        An input whose topic has not changed keeps its subscription: no message of it is missed.
+        An input whose source has not changed keeps its subscription: no message of it is missed.
 
         Args:
             name: The axis.
-            topics: The topics of its inputs; '' or no entry: the input's own topic.
+            connections: Where its inputs come from.
 
         Raises:
-            InvalidParameters: A topic cannot be subscribed to; nothing has changed then.
+            InvalidParameters: A topic cannot be subscribed to, or an expression does not fit the
+                type that was told; nothing has changed then.
         """
-        p = self._axes[name].parameters
-        wanted = {source: topics.get(source) or f'~/{name}/{source}' for source in p.inputs}
-        old = self._wired[name]
-        wired = {one.source: one for one in old if wanted.get(one.source) == one.topic}
-        faults = []
-        for source, topic in wanted.items():
-            if source in wired:
-                continue
+        if FEEDBACK not in connections.sources:
+            self._listen_to_joint_states()
+        axis = self._axes[name]
+        before = {one.source: one for one in self._wired[name]}
+        wanted: list[WiredInput] = []
+        names: list[str] = [*axis.parameters.inputs]
+        if FEEDBACK in connections.sources:
+            names.append(FEEDBACK)
+        for source in names:
+            written = connections.source(name, source)
+            told = connections.types.get(source, '')
             try:
-                wired[source] = self._connect(source, topic)
+                topic = self._graph.resolve(written.topic)
             except ValueError as error:
-                faults.append(f'{name}.topics.{source}: {error}')
-        self._wired[name] = old if faults else [wired[source] for source in wanted]
-        for one in {*old, *wired.values()}.difference(self._wired[name]):
-            self._destroy(one.subscription)
+                raise InvalidParameters([f'{name}.topics.{source}: {error}']) from None
+            one = WiredInput(axis, source, written, told, topic)
+            old = before.get(source)
+            same = old and (old.written, old.told, old.topic) == (written, told, one.topic)
+            wanted.append(old if old and same else one)
+        old_wired, self._wired[name] = self._wired[name], wanted
+        try:
+            self._feed()
+        except InvalidParameters:
+            self._wired[name] = old_wired
+            self._feed()
+            raise
+        shared = [self._axes[axis] for axis, wired in self._wired.items() if not _own(wired)]
+        self.joint_feedback.serve({self._joints[axis.name]: axis for axis in shared})
+
+    def serve_others(self, others: Mapping[str, OtherJoint]) -> None:
+        """Give feedback to joints that no axis homes, by their names; before the first poll."""
+        self.joint_feedback.others = others
+        if others:
+            self._listen_to_joint_states()
+
+    def _listen_to_joint_states(self) -> None:
+        if self._joint_states is None:
+            self._joint_states = self._graph.subscribe(
+                JointState, 'joint_states', qos(reliable=False)
+            )
+            self._next_joint_states = taker(self._joint_states, True)
+
+    def _feed(self) -> None:
+        """Make the feeds fit the wired inputs."""
+        by_topic: dict[str, list[WiredInput]] = {}
+        for wired in self._wired.values():
+            for one in wired:
+                by_topic.setdefault(one.topic, []).append(one)
+        faults: list[str] = []
+        for topic, inputs in by_topic.items():
+            feed = self._feeds.setdefault(topic, Feed(topic))
+            if feed.inputs != inputs:
+                feed.inputs = inputs
+                feed.looked = False
+                faults += self._start(feed)
+            elif feed.subscription is not None:
+                feed.regroup()
+        for topic in [topic for topic, feed in self._feeds.items() if topic not in by_topic]:
+            self._end(self._feeds.pop(topic))
+        self._order()
         if faults:
             raise InvalidParameters(faults)
-        for one in self._wired[name]:
-            one.stamps.limit = p.feedback_timeout
-        for joints in self._lists.values():
-            joints.regroup()
-        self._all = [
-            (one.take, self._axes[axis], one)
-            for axis, inputs in self._wired.items()
-            for one in inputs
-        ]
 
-    def _connect(self, source: Input, topic: str) -> WiredInput:
-        kind = Float64 if source in LATCHES else Bool
-        depth = 10 if source is Input.SERVO_ENABLED else 100
-        return WiredInput(source, topic, Stamps(0.0), self._subscribe(kind, topic, depth))
+    def _order(self) -> None:
+        """Note what is polled: the feedback last."""
+        fed = [feed for feed in self._feeds.values() if feed.subscription is not None]
+        self._polled = [(f.take, f) for f in sorted(fed, key=lambda feed: feed.feeds_axes)]
+
+    def _start(self, feed: Feed) -> list[str]:
+        """Subscribe to a topic whose type is known; return what is wrong."""
+        default = feed.default()
+        if isinstance(default, str):
+            return [f'{feed.inputs[-1].axis.name}.types.{feed.inputs[-1].source}: {default}']
+        old = feed.subscription
+        if default.kind and (old is None or (feed.told and default.kind != feed.asked.kind)):
+            self._end(feed)
+            try:
+                new = self._subscription(feed, default)
+                feed.subscribe(new, default, self._clock.polled)
+            except (ValueError, LookupError) as error:
+                return [f'{_parameter(feed.inputs[-1])}: {error}']
+        feed.bind()
+        told = [one for one in feed.inputs if one.problem and feed.told]
+        return [f'{_parameter(one)}: {one.problem}' for one in told]
+
+    def _end(self, feed: Feed) -> None:
+        """End the subscription of a topic, if there is one."""
+        if feed.subscription is not None:
+            self._graph.destroy(feed.subscription)
+            feed.unsubscribe()
+
+    def _subscription(self, feed: Feed, asked: Asked) -> Any:
+        profile = qos(asked.reliable, asked.latched)
+        try:
+            kind = message_class(asked.kind)
+        except LookupError as error:
+            raise LookupError(f'the type {asked.kind} is not installed here: {error}') from None
+        return self._graph.subscribe(kind, feed.inputs[0].written.topic, profile)
 
     @property
     def wiring(self) -> Wiring:
         """Which signal each wired input reads, by the full names of the topics."""
         return Wiring(
             {
-                Place(axis, one.source): one.subscription.topic_name
+                Place(axis, Input(one.source)): one.written.at(one.topic)
                 for axis, inputs in self._wired.items()
                 for one in inputs
+                if not one.is_feedback
             }
         )
+
+    # ----------------------------------------------------------------------------------- adapting
+
+    def watch(self) -> bool:
+        """Note which topics have lost their publisher; return whether to look at the graph."""
+        wanted = False
+        for feed in self._feeds.values():
+            count, offered = feed.count(), self._graph.count(feed.topic)
+            if (count, offered) != (feed.publishers, feed.offered):
+                feed.publishers, feed.offered, feed.looked = count, offered, False
+            if not count:
+                feed.silence()
+            wanted = wanted or not (count and feed.looked)
+        look, self._looking = wanted and not self._looking, wanted or self._looking
+        return look
+
+    def look(self) -> None:
+        """Make subscriptions fit the publishers that the graph shows; the lock is not held."""
+        try:
+            for feed in [*self._feeds.values()]:
+                if feed.publishers and (feed.looked or feed.in_use):
+                    continue
+                # A subscription takes some ms to make, which the cycle of a run would miss.
+                if feed.heard and any(axis.running for axis in self._axes.values()):
+                    continue
+                offers = self._graph.offers(feed.topic)
+                if offers:
+                    self._adapt(feed, offers)
+                else:
+                    feed.problem, feed.unfit = '', False
+        finally:
+            self._looking = False
+
+    def _adapt(self, feed: Feed, offers: tuple[Endpoint, ...]) -> None:
+        asked = adapted(offers, feed.asked, feed.told, feed.matters)
+        if isinstance(asked, str):
+            feed.problem, feed.unfit = asked, True
+            return
+        old = feed.subscription
+        if old is None or asked != feed.asked:
+            if asked.kind != feed.asked.kind:  # a node has a topic of one type only
+                with self._lock:
+                    self._end(feed)
+                    self._order()
+                old = None
+            try:
+                new = self._subscription(feed, asked)
+            except (ValueError, LookupError) as error:
+                feed.problem, feed.unfit = str(error), True
+                return
+            with self._lock:
+                late = feed.publishers and feed.in_use  # a run has begun meanwhile
+                if not late:
+                    self._drain(feed)
+                    feed.subscribe(new, asked, self._clock.polled)
+                    feed.bind()
+                    self._order()
+            if late or old is not None:
+                self._graph.destroy(new if late else old)
+            if late:
+                return
+        own = self._graph.asked(feed.topic, asked.kind)
+        feed.problem, feed.unfit = mismatch(offers, own) if own else '', False
+        feed.looked = bool(feed.publishers)
+
+    # -------------------------------------------------------------------------------- each cycle
 
     def poll(self) -> None:
         """Give the messages that have arrived to their axes, the feedback last."""
         self._clock.relate()
-        for take, axis, one in self._all:
+        for take, feed in self._polled:
             taken = take()  # most are silent most of the time
-            if taken is not None:
-                self._take(axis, one, *taken)
-                for data, info in waiting(take):
-                    self._take(axis, one, data, info)
+            if taken is not None and feed.receive(*taken, self._clock, self._stop):
+                self._drain(feed)
         for take in self._emergency_stops:
             for data, info in waiting(take):
                 self._take_emergency_stop(data, info)
-        for data, info in waiting(self._next_feedback):
-            self._take_feedback(data, info)
+        for data, info in waiting(self._next_joint_states):
+            self.joint_feedback.receive(data, info, self._clock, self._stop)
 
-    @property
-    def feedback_topic(self) -> str:
-        """The full name of the topic of the feedback."""
-        return str(self._feedback_topic)
+    def _drain(self, feed: Feed) -> None:
+        """Give the messages that wait to the axes; those behind a broken one wait for a cycle."""
+        for data, info in waiting(feed.take):
+            if not feed.receive(data, info, self._clock, self._stop):
+                return
+
+    def _take_emergency_stop(self, data: bytes, _: Info) -> None:
+        value = messages.data_of(data, Bool)
+        for axis in self._axes.values():
+            axis.set_emergency_stop(value is not False)  # what cannot be read is no all-clear
+
+    def _stop(self, axis: Axis, error: Error, text: str) -> None:
+        """End a run for a message that was too late, or for the late cycle that made it late."""
+        late_cycle = self._late_cycle(self._clock.elapsed)
+        axis.stop(Error.CycleLate if late_cycle else error, late_cycle or text)
+
+    # ------------------------------------------------------------------------------ what is there
 
     def conflict(self, name: str, publishers_of: Callable[[str], list[str]]) -> Outcome | None:
-        """Return which topic of an axis has two publishers, else None.
+        """Return what of an axis's inputs is wrong, and not only missing; else None.
 
         ``publishers_of`` returns the names of the nodes that publish a topic.
         """
         axis = self._axes[name]
         conflict = axis.readings.conflict(axis.parameters.joint or name)
         if conflict is not None:
-            nodes = ', '.join(publishers_of(self._feedback_topic))
+            topic = self.feedback_topic_of(name)
+            nodes = ', '.join(publishers_of(topic))
             return Outcome(
                 conflict.error,
-                f'axis {name}: {conflict.seen} {self._feedback_topic} is published by {nodes}',
+                f'axis {name}: {conflict.seen} {topic} is published by {nodes}',
             )
         for one in self._wired[name]:
-            publishers = one.subscription.get_publisher_count()
-            if publishers > 1:
-                topic = one.subscription.topic_name
+            feed = self._feeds[one.topic]
+            count = max(feed.count(), self._graph.count(one.topic))
+            if count > 1 and not one.is_feedback:
                 return Outcome(
                     Error.PublisherConflict,
-                    f'axis {name}: {publishers} publishers on {topic}: '
-                    f'{", ".join(publishers_of(topic))} (one that was killed stays listed for '
-                    'about 20 s)',
+                    f'axis {name}: {count} publishers on {one.topic}: '
+                    f'{", ".join(publishers_of(one.topic))} (one that was killed stays listed '
+                    'for about 20 s)',
                 )
+            if feed.problem:
+                error = Error.InvalidParameter if feed.unfit else Error.SwitchUnknown
+                return Outcome(error, f'axis {name}: {one.name}: {feed.problem}')
+            if one.problem:
+                text = f'axis {name}: {_parameter(one)}: {one.problem}'
+                return Outcome(Error.InvalidParameter, text)
         return None
+
+    def feedback_topic_of(self, name: str) -> str:
+        """Return the full name of the topic of an axis's feedback."""
+        for one in self._wired[name]:
+            if one.is_feedback:
+                return one.topic
+        return str(self._joint_states.topic_name)
 
     def missing(self, name: str) -> list[Outcome]:
         """Return everything that is not there yet of an axis: publishers, levels, feedback."""
-        unpublished, unheard = [], []
+        unpublished, unheard, unsaid = [], [], []
         for one in self._wired[name]:
-            if one.subscription.get_publisher_count() == 0:
+            if not self._feeds[one.topic].count():
                 unpublished.append(one.name)
-            elif not one.heard and one.source not in LATCHES:
+            elif one.missing:
+                unsaid.append(f'{one.name}: {one.missing}')
+            elif not one.heard and not one.is_feedback and _must_be_heard(one):
                 unheard.append(one.name)
         found = []
         if unpublished:
             found.append(f'nobody publishes {", ".join(unpublished)}')
         if unheard:
             found.append(f'no message yet from {", ".join(unheard)}')
+        found += unsaid
         missing = [Outcome(Error.SwitchUnknown, f'axis {name}: {text}') for text in found]
         if not self._axes[name].readings.known:
             joint = self._axes[name].parameters.joint or name
@@ -259,117 +366,16 @@ class Inputs:
             missing.append(Outcome(Error.FeedbackStale, text))
         return missing
 
-    def watch(self) -> None:
-        """Note which inputs have lost their publisher: that ends a run of their axis."""
-        for name, axis in self._axes.items():
-            for one in self._wired[name]:
-                if one.subscription.get_publisher_count() == 0:
-                    one.heard = False  # a new publisher must send its level first
-                    if axis.moving:
-                        axis.stop(Error.SwitchStale, f'{one.name} lost its publisher')
 
-    def _take(self, axis: Axis, one: WiredInput, data: bytes, info: Info) -> None:
-        """Give a message of an input to the axis."""
-        value = messages.data_of(data, one.subscription.msg_type)
-        if value is None:
-            return
-        one.heard = True
-        if one.source in LATCHES:
-            axis.latch(one.source, value)
-        elif one.source is Input.SERVO_ENABLED:
-            axis.enable(bool(value))
-        else:
-            clock = self._clock
-            clock.relate()
-            arrival = stamp = clock.polled
-            if not clock.simulated:
-                arrival = min(arrival, clock.time_of(info['received_timestamp']))
-                stamp = clock.time_of(info['source_timestamp'])
-            found = one.stamps.believe(stamp, arrival)
-            if found is not None:
-                time, doubt = found
-                if one.stamps.late:
-                    self._stop(axis, Error.SwitchStale, too_late(one.name, one.stamps))
-                if doubt:
-                    axis.warn(f'{one.name}: {one.stamps.warning}')
-                elif clock.simulated:
-                    doubt = UNSTAMPED * axis.period
-                axis.switch(one.source, time, bool(value), arrival, doubt)
+def _own(wired: list[WiredInput]) -> bool:
+    """Return whether an axis has feedback of its own, and none from joint_states."""
+    return any(one.is_feedback for one in wired)
 
-    def _take_emergency_stop(self, data: bytes, _: Info) -> None:
-        value = messages.data_of(data, Bool)
-        for axis in self._axes.values():
-            axis.set_emergency_stop(value is not False)  # what cannot be read is no all-clear
 
-    def _take_feedback(self, data: bytes, info: Info) -> None:
-        read = self._reader.read(data)
-        if read is None:
-            return
-        sampled, names, positions = read
-        clock = self._clock
-        clock.relate()
-        arrival = stamp = clock.polled
-        sent: float | None = None  # without a header there is one time
-        if not clock.simulated:
-            arrival = min(arrival, clock.time_of(info['received_timestamp']))
-            stamp = clock.time_of(info['source_timestamp'])
-        if sampled:
-            sent, stamp = stamp, clock.time_of(sampled)
-        if names is not self._names:
-            self._names, self._list = names, self._list_of(names)
-        self._watch_publisher(self._list, info)
-        known = len(positions)
-        for place, joint in self._list.others:
-            if place < known and isfinite(positions[place]):
-                joint.feedback(positions[place], arrival)
-        for stamps, places in self._list.groups:
-            # Simulated time has one clock.
-            found = stamps.believe(
-                stamp, arrival, sent, FeedbackClock.stamp if clock.simulated else None
-            )
-            if found is None:
-                continue
-            time, doubt = found
-            for place, axis in places:
-                if stamps.late:
-                    self._stop(axis, Error.FeedbackStale, too_late('joint_states', stamps))
-                if place < known and isfinite(positions[place]):
-                    axis.feedback(time, positions[place], arrival, doubt)
-                    if doubt:
-                        axis.warn(f'joint_states: {stamps.warning}')
+def _must_be_heard(one: WiredInput) -> bool:
+    """Return whether a run needs to know a value before it starts: not that of a latch to come."""
+    return one.source not in LATCHES or one.written.counter is not None
 
-    @staticmethod
-    def _watch_publisher(joints: JointList, info: Info) -> None:
-        """Notice that another publisher sends these joints: its messages count from 1 again."""
-        number = info.get('publication_sequence_number', 0)
-        if number + REORDERED_MESSAGES < joints.number:
-            for _, places in joints.groups:
-                for _, axis in places:
-                    axis.feedback_source_changed()
-        joints.number = number
 
-    def _stop(self, axis: Axis, error: Error, text: str) -> None:
-        """End a run for a message that was too late, or for the late cycle that made it late."""
-        late_cycle = self._late_cycle(self._clock.elapsed)
-        axis.stop(Error.CycleLate if late_cycle else error, late_cycle or text)
-
-    def _list_of(self, names: tuple[str, ...]) -> JointList:
-        """Return the list of joints with these names, which may be new."""
-        if names in self._lists:
-            return self._lists[names]
-        if len(self._lists) >= MANY_LISTS:
-            del self._lists[next(iter(self._lists))]
-        joints = self._lists[names] = JointList(
-            [
-                (place, self._by_joint[name])
-                for place, name in enumerate(names)
-                if name in self._by_joint
-            ],
-            self._feedback_stamps,
-            [
-                (place, self.others[name])
-                for place, name in enumerate(names)
-                if name in self.others
-            ],
-        )
-        return joints
+def _parameter(one: WiredInput) -> str:
+    return f'{one.axis.name}.topics.{one.source}'

@@ -26,7 +26,7 @@ from ..memory.store import Contents, Store
 from ..parameters.axis import AxisParameters
 from ..parameters.configuration import MEMORY_FOLDER
 from ..parameters.definition import InvalidParameters
-from ..procedures.states import Error, Input, Restore
+from ..procedures.states import Error, Restore
 
 #: How often it is looked whether something is to be written, s.
 WRITE_PERIOD = 0.1
@@ -45,8 +45,8 @@ class Memories:
         node: Node,
         axes: Mapping[str, Axis],
         value: str,
-        topics_of: Callable[[str], Mapping[Input, str]],
-        feedback_topic: str,
+        topics_of: Callable[[str], Mapping[str, str]],
+        feedback_topic_of: Callable[[str], str],
         lock: threading.Lock,
         group: CallbackGroup,
     ) -> None:
@@ -56,8 +56,8 @@ class Memories:
             node: The node.
             axes: The axes, by name.
             value: The parameter `memory`.
-            topics_of: Returns the topics that the parameters of an axis name.
-            feedback_topic: The full name of the topic of the feedback.
+            topics_of: Returns the sources that the parameters of an axis name.
+            feedback_topic_of: Returns the full name of the topic of an axis's feedback.
             lock: What guards the axes.
             group: The callback group of the timer.
 
@@ -65,7 +65,7 @@ class Memories:
             InvalidParameters: Another node has the folder.
         """
         self._node, self._axes, self._topics_of = node, axes, topics_of
-        self._feedback_topic, self._lock = feedback_topic, lock
+        self._feedback_topic_of, self._lock = feedback_topic_of, lock
         self._logger = node.get_logger()
         self._folder = self._open(value)
         self._failed: dict[str, str] = {}  # what could not be written, by axis
@@ -200,15 +200,18 @@ class Memories:
 
     def look(self) -> None:
         """Note who publishes the feedback; the lock is held."""
-        found = self._node.get_publishers_info_by_topic(self._feedback_topic)
-        publisher = '; '.join(
-            sorted(
-                f'{one.node_namespace.rstrip("/")}/{one.node_name} {bytes(one.endpoint_gid).hex()}'
-                for one in found
-            )
-        )
-        for keeper in self.keepers.values():
-            keeper.look(publisher)
+        publishers: dict[str, str] = {}
+        for name, keeper in self.keepers.items():
+            topic = self._feedback_topic_of(name)
+            if topic not in publishers:
+                publishers[topic] = '; '.join(
+                    sorted(
+                        f'{one.node_namespace.rstrip("/")}/{one.node_name} '
+                        f'{bytes(one.endpoint_gid).hex()}'
+                        for one in self._node.get_publishers_info_by_topic(topic)
+                    )
+                )
+            keeper.look(publishers[topic])
 
     def configure(self, name: str, parameters: AxisParameters) -> None:
         """Use new parameters of an axis; the lock is held."""

@@ -16,12 +16,10 @@ from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
-from rclpy.exceptions import NameValidationException
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64
 from std_srvs.srv import SetBool, Trigger
 
 from ..core.dispatch import Dispatch
@@ -36,18 +34,18 @@ from .controllers import Controllers
 from .cycle import Cycle, late_cycle
 from .guarded_axis import GuardedAxis
 from .handovers import Handovers
-from .inputs import LATCHED, Inputs
+from .inputs import Inputs
 from .joint_order import JointOrder
 from .memory import Memories
-from .polling import Polled, never_called
+from .outputs import Outputs
 from .readiness import Readiness
 from .reports import Publishers, Reports
 from .services import Services
 from .setpoints import INTERFACES, PositionSetpoints
+from .subscriptions import Subscriptions
 from .timebase import TimeBase
 from .waits import Waits
 
-BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in POLICIES])
 
 
@@ -73,41 +71,23 @@ class HomingNode(ConfiguredNode):
         self._lock = threading.Lock()
         simulated = bool(self.get_parameter('use_sim_time').value)
         self._timebase = TimeBase(self._ros_time if simulated else None)
-        polled = Polled()
-
-        def subscribe(kind: Any, topic: str, qos: Any) -> Any:
-            try:
-                return self.create_subscription(
-                    kind,
-                    topic,
-                    never_called,
-                    qos,
-                    callback_group=polled,
-                    # An override would hold for both subscriptions of this topic.
-                    qos_overriding_options=None if qos is LATCHED else OVERRIDABLE,
-                )
-            except (RuntimeError, NameValidationException) as error:  # another type; too long
-                why = str(error).partition('\n')[0].rstrip(':')
-                raise ValueError(f'cannot subscribe to {topic}: {why}') from None
-
         self._inputs = Inputs(
             self._axes,
             self._joints,
             self._timebase,
-            subscribe,
-            self.destroy_subscription,
-            BEST_EFFORT,
+            Subscriptions(self),
             lambda late: late_cycle(late, self._cycle.timeout),
+            self._lock,
             checked.serialized,
         )
         for name in self._axes:
-            self._inputs.wire(name, self.topics_of(name))
+            self._inputs.wire(name, checked.connections[name])
         self._shared_signals = SharedSignals(self._axes, self._inputs.wiring)
         self._note_wiring()
         self._setpoints = INTERFACES[checked.setpoint_interface](
             self._axes, checked, self._timebase, self._create_setpoints
         )
-        self._inputs.others = self._setpoints.others
+        self._inputs.serve_others(self._setpoints.others)
         self._handovers = Handovers(self, self._axes, self._joints, self._lock)
         self._controllers = Controllers(
             self,
@@ -148,7 +128,7 @@ class HomingNode(ConfiguredNode):
             self._axes,
             checked.memory,
             self.topics_of,
-            self._inputs.feedback_topic,
+            self._inputs.feedback_topic_of,
             self._lock,
             group,
         )
@@ -166,6 +146,7 @@ class HomingNode(ConfiguredNode):
             self._order,
             self._controllers,
             self._handovers,
+            self._outputs,
             self._reports,
             self._waits,
             self.get_logger(),
@@ -203,6 +184,8 @@ class HomingNode(ConfiguredNode):
                     axis.stop(outcome.error, outcome.message)
 
     def _create_publishers(self) -> None:
+        self._outputs = Outputs(self, self.configuration.connections, latched(1), self._waits.call)
+
         def per_axis(kind: Any, name: str, qos: Any) -> dict[str, Any]:
             return {
                 axis: self.create_publisher(kind, f'~/{axis}/{name}', qos) for axis in self._axes
@@ -210,8 +193,7 @@ class HomingNode(ConfiguredNode):
 
         publishers = Publishers(
             states=per_axis(AxisState, 'state', latched(1)),
-            servos=per_axis(Bool, 'servo_on', latched(1)),
-            torque_limits=per_axis(Float64, 'torque_limit', latched(1)),
+            outputs=self._outputs.sinks,
             joint_states=self.create_publisher(JointState, '~/joint_states', 10),
             diagnostics=self.create_publisher(DiagnosticArray, '/diagnostics', 1),
         )
@@ -293,7 +275,7 @@ class HomingNode(ConfiguredNode):
         with self._lock:
             self._axes[axis].configure(parameters)
             self._memories.configure(axis, parameters)
-            self._inputs.wire(axis, self.topics_of(axis))
+            self._inputs.wire(axis, self.connections_of(axis))
             self._note_wiring()
 
     def _note_wiring(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes axis states, the wanted servo, homed joints and diagnostics; logs how runs end.
+"""Publishes axis states, outputs, homed joints and diagnostics; logs how runs end.
 
 The cycle queues, a thread of its own publishes: a slow reader never delays a setpoint. What must
 come after a report (the answer to a request) goes through the same queue.
@@ -14,10 +14,9 @@ from operator import itemgetter
 from queue import Empty, Queue
 from typing import Any, NamedTuple
 
-from std_msgs.msg import Bool, Float64
-
 from ..core.axis import Axis
 from ..core.outcome import Outcome
+from ..parameters.connections import Output
 from ..procedures.states import Error
 from . import messages
 
@@ -45,11 +44,10 @@ class Afterwards(NamedTuple):
 
 
 class Publishers(NamedTuple):
-    """Where reports go; the first three by axis."""
+    """Where reports go; states and outputs by axis."""
 
     states: Mapping[str, Any]
-    servos: Mapping[str, Any]
-    torque_limits: Mapping[str, Any]
+    outputs: Mapping[str, Mapping[Output, Any]]
     joint_states: Any
     diagnostics: Any
 
@@ -58,7 +56,7 @@ class LastReport:
     """What was last reported of an axis.
 
     ``changes`` is `Axis.fingerprint` at that time, ``runs`` the number of runs logged, ``state``
-    and ``outputs`` what the messages said.
+    what the message said, ``outputs`` the value of each output.
     """
 
     __slots__ = ('changes', 'runs', 'state', 'outputs')
@@ -67,7 +65,7 @@ class LastReport:
         self.changes: tuple[object, ...] = ()
         self.runs = 0
         self.state: tuple[object, ...] = ()
-        self.outputs: tuple[bool, float] | None = None
+        self.outputs: dict[Output, float] = {}
 
 
 class Reports:
@@ -116,11 +114,14 @@ class Reports:
         if last.state != state:
             last.state = state
             put((self._to.states[name].publish, messages.axis_state(self._stamp(), axis)))
-        outputs = (axis.servo_on, axis.torque_limit)
-        if last.outputs != outputs:
-            last.outputs = outputs
-            put((self._to.servos[name].publish, Bool(data=bool(outputs[0]))))
-            put((self._to.torque_limits[name].publish, Float64(data=outputs[1])))
+        for output, value in (
+            (Output.SERVO_ON, bool(axis.servo_on)),
+            (Output.TORQUE_LIMIT, float(axis.torque_limit)),
+            (Output.ARM_LATCH, bool(axis.arm_latch)),
+        ):
+            if last.outputs.get(output) != value:
+                last.outputs[output] = value
+                put((self._to.outputs[name][output].publish, value))
         return True
 
     def afterwards(self, action: Callable[[Any], object], argument: Any) -> None:

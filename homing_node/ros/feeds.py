@@ -1,0 +1,409 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One topic and the inputs that come from it: each message is read once, for all of them.
+
+Several inputs of several axes may come from one topic. Most messages repeat what the message
+before said: then each switch only notes the time.
+"""
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..core.axis import Axis
+from ..core.stamps import REORDERED, Stamps, too_late
+from ..language.cdr import Broken
+from ..language.expression import DATA, BadExpression, Lookup, Source, Value
+from ..language.reader import NOT_MINE, Missing, Reader, Reading, Said
+from ..language.resolve import bind
+from ..parameters.connections import FEEDBACK
+from ..procedures.states import LATCHES, Error, FeedbackClock, Input
+from . import message_types
+from .adapting import Asked
+from .joint_feedback import REORDERED_MESSAGES
+from .polling import Info, Take, taker
+from .stamp_groups import Judging, grouped
+from .timebase import TimeBase
+
+#: In simulated time an edge is as old as its message's way, and the next cycle sees it: up to this
+#: many periods lie between.
+UNSTAMPED = 2.0
+
+#: The type of a topic that is named without an expression.
+BOOL, FLOAT64 = 'std_msgs/msg/Bool', 'std_msgs/msg/Float64'
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+
+
+@dataclass(eq=False)
+class WiredInput:
+    """One input of an axis, or its feedback.
+
+    Attributes:
+        axis: the axis.
+        source: an `Input`, or FEEDBACK.
+        written: what the user wrote for it.
+        told: the type of its topic, as the user told it; '' where he did not.
+        topic: the full name of its topic.
+        heard: whether its present publisher has said its value, and the last message did.
+        missing: why the last message did not say it.
+        problem: why the expression does not fit the type.
+        counter: the counter of the last latch.
+    """
+
+    axis: Axis
+    source: str
+    written: Source
+    told: str
+    topic: str
+    heard: bool = False
+    missing: str = ''
+    problem: str = ''
+    counter: float | None = None
+
+    @property
+    def name(self) -> str:
+        return f'{self.source} ({self.written.at(self.topic)})'
+
+    @property
+    def is_feedback(self) -> bool:
+        return self.source == FEEDBACK
+
+    @property
+    def joint(self) -> str:
+        """The joint whose feedback it is, '' of an input."""
+        return (self.axis.parameters.joint or self.axis.name) if self.is_feedback else ''
+
+    @property
+    def is_switch(self) -> bool:
+        return not (
+            self.is_feedback or self.source in LATCHES or self.source == Input.SERVO_ENABLED
+        )
+
+    @property
+    def default_kind(self) -> str:
+        """The type of the topic as long as nobody says another; '' where any may be meant."""
+        if self.told or self.written.value is not None:
+            return self.told
+        return JOINT_STATE if self.is_feedback else FLOAT64 if self.source in LATCHES else BOOL
+
+    def lose(self, why: str = '') -> None:
+        """Forget what was heard."""
+        self.heard, self.missing, self.counter = False, why, None
+
+
+class Feed:
+    """A topic, its subscription and its inputs.
+
+    Attributes:
+        topic: the full name of the topic.
+        inputs: the inputs that come from it.
+        asked: the type and the QoS of the subscription; a type of '' is not known yet.
+        subscription: None where there is none yet.
+        take: takes its next message.
+        publishers: how many publishers matched the subscription when it was looked last.
+        offered: how many publishers the topic had then, also such that do not match.
+        problem: why no message arrives, or none can be read.
+        unfit: whether the problem is one of the parameters.
+        looked: whether the graph has been looked at since the publishers changed.
+        since: when the subscription was made, s.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
+        self.inputs: list[WiredInput] = []
+        self.asked = Asked('')
+        self.subscription: Any = None
+        self.take: Take = _nothing
+        self.publishers = self.offered = 0
+        self.problem = ''
+        self.unfit = False
+        self.looked = False
+        self.since = 0.0
+        self._number = 0  # of the newest message
+        self._reader = Reader(message_types.layout(BOOL), ())
+        self._read: list[WiredInput] = []  # those whose expression fits, as the reader has them
+        self._groups: list[tuple[Stamps, list[_Part]]] = []
+        self._known: dict[Hashable, Stamps] = {}
+        self._steady = False  # every input was said by the last message, and it may be said again
+
+    @property
+    def feeds_axes(self) -> bool:
+        """Whether feedback comes from it: it is read after all switches."""
+        return any(one.is_feedback for one in self.inputs)
+
+    @property
+    def matters(self) -> bool:
+        """Whether a lost message matters."""
+        return not all(one.is_feedback for one in self.inputs)
+
+    @property
+    def told(self) -> bool:
+        return any(one.told for one in self.inputs)
+
+    @property
+    def in_use(self) -> bool:
+        """Whether an axis that needs it homes."""
+        return any(one.axis.running for one in self.inputs)
+
+    @property
+    def heard(self) -> bool:
+        """Whether every input has been heard."""
+        return bool(self.publishers) and all(one.heard for one in self.inputs)
+
+    def count(self) -> int:
+        """Return how many publishers match the subscription now."""
+        return 0 if self.subscription is None else int(self.subscription.get_publisher_count())
+
+    def default(self) -> Asked | str:
+        """Return what to ask for while nobody publishes, or why there is nothing to ask for."""
+        told = sorted({one.told for one in self.inputs if one.told})
+        if len(told) > 1:
+            return f'types says that {self.topic} is of {" and of ".join(told)}'
+        kinds = sorted({one.default_kind for one in self.inputs} - {''})
+        if not told and any(not one.default_kind for one in self.inputs):
+            return Asked('', self.matters)
+        if not told and len(kinds) > 1:
+            return f'{self.topic} has the inputs of {" and of ".join(kinds)}'
+        return Asked(told[0] if told else kinds[0] if kinds else '', self.matters)
+
+    def subscribe(self, subscription: Any, asked: Asked, now: float) -> None:
+        """Take the messages of another subscription from now on, s."""
+        self.subscription, self.asked, self.since = subscription, asked, now
+        self.take = taker(subscription, serialized=True)
+        self._known.clear()  # it may be another publisher
+        self.publishers = self.count()
+
+    def unsubscribe(self) -> None:
+        """Take no more messages."""
+        self.subscription, self.take, self.publishers = None, _nothing, 0
+
+    def bind(self) -> None:
+        """Fit the expressions to the type, and follow changed parameters of the axes."""
+        self._read = []
+        bounds = []
+        try:
+            layout = message_types.layout(self.asked.kind or BOOL)
+        except BadExpression as error:
+            self.problem, self.unfit = str(error), True
+            return
+        for one in self.inputs if self.asked.kind else ():
+            try:
+                bounds.append(bind(one.written, layout, default_value(layout.names, one.joint)))
+            except BadExpression as error:
+                one.problem = str(error)
+            else:
+                one.problem = ''
+                self._read.append(one)
+        self._reader = Reader(layout, bounds)
+        self._steady = False
+        self.regroup()
+
+    def regroup(self) -> None:
+        """Group the inputs by who judges the stamps alike."""
+        members = []
+        for number, one in enumerate(self._read):
+            p = one.axis.parameters
+            clock = p.feedback_clock if one.is_feedback else p.switch_clock
+            judging = Judging(p.feedback_timeout, clock, REORDERED if one.is_feedback else 0)
+            members.append(((one.axis.name, one.is_feedback), judging, number))
+        self._groups = [
+            (stamps, self._by_axis(numbers)) for stamps, numbers in grouped(members, self._known)
+        ]
+        self._reader.forget()
+
+    def _by_axis(self, numbers: Sequence[int]) -> list['_Part']:
+        parts: dict[str, _Part] = {}
+        for number in numbers:
+            one = self._read[number]
+            part = parts.setdefault(one.axis.name, _Part(one.axis, [], [], one.is_feedback))
+            part.numbers.append(number)
+            if one.is_switch:
+                part.switches.append(Input(one.source))
+        return list(parts.values())
+
+    def silence(self) -> None:
+        """Take that no publisher is there any more; end the runs that need it."""
+        for one in self.inputs:
+            if one.is_feedback:
+                continue  # its age ends a run
+            one.lose()
+            if one.axis.moving:
+                one.axis.stop(Error.SwitchStale, f'{one.name} lost its publisher')
+        self._reader.forget()
+
+    # ------------------------------------------------------------------------------- each message
+
+    def receive(
+        self, data: bytes, info: Info, clock: TimeBase, stop: Callable[[Axis, Error, str], None]
+    ) -> bool:
+        """Give what a message says to the axes; return whether it could be read.
+
+        Args:
+            data: the message.
+            info: what the middleware says of it.
+            clock: the clock of the node.
+            stop: ends a run of an axis for a message that was too late.
+        """
+        try:
+            reading = self._reader.read(data)
+        except Broken as error:
+            for one in self._read:
+                self._lose(one, f'the message is no {self.asked.kind}: {error}')
+            self._steady = False
+            self._reader.forget()
+            return False
+        self._watch_publisher(info)
+        clock.relate()
+        arrival = stamp = clock.polled
+        sent: float | None = None  # without a header there is one time
+        if not clock.simulated:
+            arrival = min(arrival, clock.time_of(info['received_timestamp']))
+            stamp = clock.time_of(info['source_timestamp'])
+        if reading.stamp:
+            sent, stamp = stamp, clock.time_of(reading.stamp)
+        # What the publisher has kept from before says nothing of how often it publishes.
+        kept = not clock.simulated and (stamp if sent is None else sent) < self.since
+        repeats = reading.same and self._steady
+        if not reading.same:
+            self._steady = all(map(_may_repeat, self._read, reading.values, reading.counters))
+        unstamped = UNSTAMPED if clock.simulated and sent is None else 0.0
+        for stamps, parts in self._groups:
+            # Simulated time has one clock.
+            found = stamps.believe(
+                stamp, arrival, sent, FeedbackClock.stamp if clock.simulated else None
+            )
+            if found is None:
+                continue
+            time, doubt = found
+            for part in parts:
+                axis = part.axis
+                if axis.running and (doubt or stamps.late):
+                    self._doubt(part, stamps, bool(doubt), stop)
+                open_for = doubt or unstamped * axis.period
+                if repeats and not part.is_feedback:
+                    if kept:
+                        continue
+                    axis.repeat(part.switches, time, arrival, open_for)
+                    continue
+                for number in part.numbers:
+                    one = self._read[number]
+                    if not (kept and self._is_known(one, reading.values[number])):
+                        self._say(one, number, reading, time, arrival, open_for)
+        return True
+
+    def _watch_publisher(self, info: Info) -> None:
+        """Notice that another publisher sends the feedback: its messages count from 1 again."""
+        number = info.get('publication_sequence_number', 0)
+        if number + REORDERED_MESSAGES < self._number and self.publishers < 2:
+            for one in self._read:
+                if one.is_feedback:
+                    one.axis.feedback_source_changed()
+        self._number = number
+
+    def _is_known(self, one: WiredInput, value: Said) -> bool:
+        """Return whether a kept message says nothing new: an old latch, or a level as known."""
+        if one.source in LATCHES and one.written.counter is None:
+            return True
+        if not one.is_switch or not isinstance(value, int | float):
+            return False
+        if one.axis.readings.signal(Input(one.source)) is not (value >= 0.5):
+            return False
+        one.heard, one.missing = True, ''
+        return True
+
+    def _doubt(
+        self,
+        part: '_Part',
+        stamps: Stamps,
+        doubted: bool,
+        stop: Callable[[Axis, Error, str], None],
+    ) -> None:
+        """Stop or warn an axis for a time that is doubted; latches and the servo need none."""
+        for one in map(self._read.__getitem__, part.numbers):
+            if not (one.is_switch or one.is_feedback):
+                continue
+            if stamps.late:
+                error = Error.FeedbackStale if one.is_feedback else Error.SwitchStale
+                stop(part.axis, error, too_late(one.name, stamps))
+            if doubted:
+                part.axis.warn(f'{one.name}: {stamps.warning}')
+
+    def _say(
+        self,
+        one: WiredInput,
+        number: int,
+        reading: Reading,
+        time: float,
+        arrival: float,
+        doubt: float,
+    ) -> None:
+        """Give the value of an input to its axis."""
+        value, counter = reading.values[number], reading.counters[number]
+        if value is NOT_MINE or counter is NOT_MINE:
+            return
+        if counter is not None:
+            if isinstance(counter, Missing):
+                self._lose(one, f'its counter: {counter.text}')
+                return
+            before, one.counter = one.counter, counter
+            if before in (None, counter):  # not a new latch
+                one.heard, one.missing = True, ''
+                return
+        if isinstance(value, Missing):
+            self._lose(one, value.text, value.unread)
+            return
+        one.heard, one.missing = True, ''
+        axis = one.axis
+        if one.is_feedback:
+            axis.feedback(time, float(value), arrival, doubt)
+        elif one.source in LATCHES:
+            axis.latch(Input(one.source), float(value))
+        elif one.source == Input.SERVO_ENABLED:
+            axis.enable(value >= 0.5)
+        else:
+            axis.switch(Input(one.source), time, value >= 0.5, arrival, doubt)
+
+    def _lose(self, one: WiredInput, why: str, unread: bool = False) -> None:
+        """Note that a message does not say an input; end a run that needs it.
+
+        Feedback that is no number is passed over, and so is that of other joints, which other
+        publishers of the topic send: its age ends a run.
+        """
+        one.lose(why)
+        if not one.axis.running or (one.is_feedback and (unread or self.publishers > 1)):
+            return
+        error = Error.FeedbackStale if one.is_feedback else Error.SwitchUnknown
+        one.axis.stop(error, f'{one.name}: {why}')
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The inputs of one axis that judge stamps alike, by their places in the reader.
+
+    ``switches`` are those of them that have levels.
+    """
+
+    axis: Axis
+    numbers: list[int]
+    switches: list[Input]
+    is_feedback: bool
+
+
+def _may_repeat(one: WiredInput, value: Said, counter: Said | None) -> bool:
+    """Return whether a message that says the same again says nothing new of an input."""
+    if one.source in LATCHES:  # without a counter each message is a latch
+        return isinstance(counter, int | float)
+    return isinstance(value, int | float)
+
+
+def default_value(fields: Iterable[str], joint: str = '') -> Value:
+    """Return what is meant where the user names only a topic.
+
+    Args:
+        fields: the fields of its type.
+        joint: the joint whose feedback it is; '' for an input.
+    """
+    return Value(Lookup(joint, 'position')) if joint and 'data' not in fields else DATA
+
+
+def _nothing() -> None:
+    """Stand for a subscription that is not there yet."""
