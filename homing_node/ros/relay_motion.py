@@ -152,7 +152,9 @@ class ControllerRelay:
         topic = self._publisher.topic_name
         if self._node.count_publishers(topic) < 2:
             return ''
-        found = graph.publishers(self._node, topic)
+        # One that was killed may stay listed beside the one that has taken its place.
+        listed = graph.publishers(self._node, topic)
+        found = [one for one in listed if one.node != self._homing_node]
         second = others(self._node.get_fully_qualified_name(), found, {self._homing_node})
         if not second:
             return ''
