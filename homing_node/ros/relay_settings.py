@@ -8,10 +8,10 @@ from typing import Any
 from ..parameters.axis import AxisParameters
 from ..parameters.configuration import (
     NODE_DEFINITIONS,
-    TOPIC_NAME,
     bad_names,
     configuration,
 )
+from ..parameters.connections import TOPIC_NAME
 from ..parameters.definition import Definition, InvalidParameters, read, table
 from ..parameters.fields import FURTHEST, NamesDefinition
 
