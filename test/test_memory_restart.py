@@ -200,10 +200,24 @@ ORIGIN = {
     'encoder_turn': 0.004,
 }
 
+#: A home that is applied by a service, and what may differ in that.
+APPLIED = {
+    'apply': 'service',
+    'apply_service': '/drive/set_home',
+    'apply_type': 'std_srvs/srv/SetBool',
+    'apply_request': '{data: true}',
+    'restore': 'never',
+}
+APPLYING = (
+    {'apply_service': '/drive/set_zero'},
+    {'apply_type': 'std_srvs/srv/Trigger', 'apply_request': '{}'},
+    {'apply_request': '{data: false}'},
+)
+
 
 def test_every_parameter_moves_the_origin_or_does_not():
     names = {field.name for field in dataclasses.fields(AxisParameters)}
-    assert names == set(ORIGIN) | NO_ORIGIN
+    assert names == set(ORIGIN) | set(APPLIED) | NO_ORIGIN
     assert not set(ORIGIN) & NO_ORIGIN
 
 
@@ -211,12 +225,13 @@ def test_the_hash_changes_with_what_moves_the_origin_and_comes_back():
     p = parameters()
     one = configuration_hash(p, 'x', {})
     others = [parameters(**{name: value}) for name, value in ORIGIN.items()]
+    others += [parameters(**APPLIED), *(parameters(**{**APPLIED, **one}) for one in APPLYING)]
     found = {configuration_hash(other, other.joint or 'x', {}) for other in others}
     found |= {
         configuration_hash(p, 'y', {}),
         configuration_hash(p, 'x', {Input.HOME_SWITCH: '/a'}),
     }
-    assert len(found) == len(ORIGIN) + 2 and one not in found
+    assert len(found) == len(ORIGIN) + 1 + len(APPLYING) + 2 and one not in found
     assert configuration_hash(parameters(), 'x', {Input.HOME_SWITCH: ''}) == one
     assert (
         configuration_hash(parameters(homing_velocity_fast=0.02, restore='never'), 'x', {}) == one

@@ -18,7 +18,7 @@ import ros_harness as ros
 import yaml
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64
+from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectory
 
 SPEED = 0.05
@@ -301,13 +301,14 @@ def test_feedback_that_is_huge_or_broken(client, world, setpoints):
 
 
 def test_a_topic_of_another_type(client, world, setpoints):
-    """A switch that publishes numbers is not heard: it does not stand in for the switch."""
+    """A switch that publishes text is not heard: it does not stand in for the switch."""
     world.hand.drop('y/home_switch')
-    publisher = client.node.create_publisher(Float64, client.name('y/home_switch'), 10)
+    publisher = client.node.create_publisher(String, client.name('y/home_switch'), 10)
     for _ in range(20):
-        publisher.publish(Float64(data=1.0))
+        publisher.publish(String(data='on'))
         client.pump()
-    client.until(lambda: client.trigger('y/home').message.startswith('SwitchUnknown: axis y: '))
+    refused = 'InvalidParameter: axis y: y.topics.home_switch: data is text, a number is expected'
+    client.until(lambda: client.trigger('y/home').message.startswith(refused))
     assert not setpoints
     client.node.destroy_publisher(publisher)
     world.hand.until_heard('y/home_switch', False)

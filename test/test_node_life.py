@@ -269,6 +269,12 @@ def cell(tmp_path_factory):
         yield world
 
 
+def between_pauses(values, sent):
+    """Return the stretches of a course; after a pause of a busy machine it begins from rest."""
+    starts = [i for i in range(1, len(sent)) if sent[i] - sent[i - 1] > 8e6]
+    return [values[a:b] for a, b in pairwise([0, *starts, len(values)])]
+
+
 def test_a_sequence_in_a_namespace_with_position_commands(cell):
     client = cell.client
     commands = client.record(Float64MultiArray, 'position_commands')
@@ -298,10 +304,11 @@ def test_a_sequence_in_a_namespace_with_position_commands(cell):
         first, last = moved[joint]
         assert set(values[:first]) <= {values[0]}
         assert set(values[last + 1 :]) == {values[-1]}
-        derivative = values
-        for limit in (0.05, 0.5, 20.0):
-            derivative = [(y - x) / 0.004 for x, y in pairwise(derivative)]
-            assert max(map(abs, derivative)) <= limit * (1 + 1e-4) + 1e-6
+        for stretch in between_pauses(values, [heard.sent for heard in commands]):
+            derivative = stretch
+            for limit in (0.05, 0.5, 20.0):
+                derivative = [(y - x) / 0.004 for x, y in pairwise(derivative)]
+                assert max(map(abs, derivative), default=0.0) <= limit * (1 + 1e-4) + 1e-6
     held = 52  # at first all are held for 0.2 s, because nobody says which joints they are
     assert moved['b'][0] < held + 5
     assert moved['c'][0] < held + 5

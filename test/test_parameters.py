@@ -126,6 +126,7 @@ DEFAULTS = {
     'repeat_tolerance': 0.0,
     'switch_stamp_error': 0.002,
     'feedback_clock': 'auto',
+    'switch_clock': 'auto',
     'wrap': 0.0,
     'wrap_setpoints': False,
     'rest_timeout': 1.0,

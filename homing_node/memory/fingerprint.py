@@ -13,6 +13,11 @@ from ..parameters.axis import AxisParameters
 NO_ORIGIN = frozenset(
     {
         'travel',
+        'travel_min',
+        'travel_max',
+        'apply_timeout',
+        'apply_tolerance',
+        'switch_controllers',
         'homing_velocity_fast',
         'homing_velocity_fast_acc',
         'homing_velocity_fast_dec',
