@@ -266,7 +266,7 @@ def machine(tmp_path_factory):
         client.homing.destroy()
 
 
-@pytest.mark.parametrize('by', ['goal', 'service'])
+@pytest.mark.parametrize('by', ['goal', pytest.param('service', marks=pytest.mark.long)])
 def test_cancel_in_each_state(machine, by):
     """Each axis stops within its limits, is not homed, and nothing moves afterwards."""
     client = machine.client

@@ -235,6 +235,7 @@ def test_case_29_a_controller_that_is_unloaded_ends_the_run(cell):
     assert answer.message.startswith('NoController: axis x: ')
 
 
+@pytest.mark.long
 def test_a_controller_that_was_deactivated_is_waited_for(cell):
     world = cell(JTC)
     home = world.client.send(Trigger, 'x/home')
@@ -269,6 +270,7 @@ def test_a_manager_says_that_the_controller_is_not_active(managed):
     assert messages == []
 
 
+@pytest.mark.long
 def test_a_request_waits_until_the_controller_is_active(managed):
     world = managed('inactive')
     future = world.client.send(Trigger, 'x/home')
@@ -331,6 +333,7 @@ def named(tmp_path_factory):
         yield world
 
 
+@pytest.mark.long
 def test_commands_by_name_for_all_joints_of_the_controller(named):
     """In the order of `position_joints`; a joint that no axis homes stays where it is."""
     answer = named.client.home('x')['x']
@@ -370,6 +373,7 @@ def test_a_node_that_was_held_up_begins_from_rest(named):
     assert steps[longest] < 0.02 * 0.05 * 0.004  # jerk 20 m/s^3 for a period
 
 
+@pytest.mark.long
 def test_an_unknown_listener_with_another_order_is_noticed_before_a_run(tmp_path):
     """The plant has its axes in another order, and no parameters that can be read."""
     with ros.World(

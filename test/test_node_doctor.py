@@ -102,6 +102,7 @@ def test_the_controller_manager_is_asked(world):
     assert '/controller_manager' in findings['', 'enforce-limits']['what']
 
 
+@pytest.mark.long
 def test_nothing_is_changed(world):
     """The doctor publishes nothing and sets nothing: the node hears of no request."""
     before = world.client.get('x.homing_velocity_fast', 'y.homing_velocity_fast')

@@ -77,6 +77,7 @@ def test_a_header_clock_of_its_own(tmp_path, offset):
             assert uncertainty >= 0.05 * 0.04  # a busy machine slows the axis down
 
 
+@pytest.mark.long
 def test_a_driver_that_reads_seldom(tmp_path):
     """A staircase: read at 50 Hz, published at 500 Hz."""
     with world(tmp_path, {'home_type': 'HS'}, {'feedback_read_rate': 50.0}) as one:

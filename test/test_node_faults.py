@@ -32,6 +32,7 @@ REPORTING = ['home_switch', 'positive_limit_switch', 'negative_limit_switch', 's
 # -- a node that dies -----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_node_is_killed(tmp_path):
     """The controller stops the axis; the next node knows no home and moves nothing."""
     parameters = ros.node_parameters(
@@ -80,6 +81,7 @@ def at_rest(feedback, samples):
     return len(last) == samples and max(last) - min(last) < 1e-7
 
 
+@pytest.mark.long
 def test_the_drive_reports_that_it_stopped_by_itself(tmp_path):
     """The run ends; requests are refused until the servo was switched off and on again.
 

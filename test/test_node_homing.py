@@ -68,7 +68,10 @@ class Run:
         self.total = len(self.setpoints)
 
 
-@pytest.fixture(scope='module', params=TYPES)
+@pytest.fixture(
+    scope='module',
+    params=[pytest.param('HS', marks=pytest.mark.long), *TYPES[1:]],
+)
 def run(request, tmp_path_factory):
     layouts, axes = {}, {}
     for start, values in STARTS.items():

@@ -14,7 +14,7 @@ TOPIC = '/axes/position_commands'
 @pytest.mark.parametrize(
     'arguments',
     [
-        {'namespace': 'cell'},
+        pytest.param({'namespace': 'cell'}, marks=pytest.mark.long),
         {'namespace': 'cell', 'setpoint_topic': TOPIC, 'setpoint_interface': 'position'},
     ],
     ids=['namespace', 'topic and interface'],

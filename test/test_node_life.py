@@ -468,6 +468,7 @@ sys.exit(main.main())
 # ------------------------------------------------------------------------------------- the demo
 
 
+@pytest.mark.long
 def test_the_demo():
     """What `make demo` runs homes an axis and draws its course."""
     root = Path(__file__).resolve().parent.parent

@@ -116,6 +116,7 @@ def test_a_new_driver_restores_nothing_and_says_why(kept):
     assert 'home not restored: another encoder, driver or file: ' in state.message
 
 
+@pytest.mark.long
 def test_a_disk_that_cannot_be_written_fails_no_homing(kept):
     """A file stands where the folder should be: root may write on a read-only one."""
     blocked = kept.folder / 'blocked'

@@ -10,6 +10,9 @@ import pytest
 import ros_harness as ros
 from trajectory_msgs.msg import JointTrajectory
 
+#: They take long.
+pytestmark = pytest.mark.long
+
 #: The executable's module under each set of rules.
 RULES = {'installed': 'homing_node.ros.main', '7.1.9': 'rclpy_7_1_9'}
 #: More of a core than this, on top of the installed rclpy's share, is an executor that spins. (It

@@ -132,6 +132,7 @@ def test_a_signal_while_simulated_time_stands(simulated):
     assert answer.message.startswith('Canceled: axis x: '), answer.message
 
 
+@pytest.mark.long
 def test_a_signal_after_a_hold_up(tmp_path):
     """Simulated time went on meanwhile: the axis comes to rest."""
     with simulated_world(tmp_path) as world:
