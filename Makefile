@@ -10,7 +10,7 @@ PIP = $(@D)/bin/python -m pip install --quiet --quiet --disable-pip-version-chec
 # The tests that start the node, and those of the modules that import ROS. Left out are those of
 # faults and losses: they take minutes, and ask nothing of ROS that the others do not ask.
 TESTS_OF_ROS := $(addprefix test/test_,$(addsuffix .py, client config inputs messages middleware \
-  node_action node_homing node_launch node_life node_rclpy_7_1_9 node_services node_sim_time \
+  node_action node_homing node_launch node_life node_services node_sim_time \
   reports serialized services setpoints timebase))
 INTERFACES := $(shell find interfaces -type f)
 
