@@ -28,8 +28,8 @@ TIMED = (
     'test_reports',
     'test_timebase',
 )
-#: Its last test looks back at all the others.
-WHOLE = 'test_homing.py'
+#: The last test of each looks back at all the others of its file.
+WHOLE = ('test_homing.py', 'test_rehome.py')
 
 
 def timed(file):
@@ -55,6 +55,6 @@ def pytest_xdist_make_scheduler(config, log):
     class Scheduling(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             file = nodeid.partition('::')[0].rpartition('/')[2]
-            return 'timed' if timed(file) else file if file == WHOLE else nodeid
+            return 'timed' if timed(file) else file if file in WHOLE else nodeid
 
     return Scheduling(config, log)
