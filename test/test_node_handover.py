@@ -368,7 +368,8 @@ def test_a_goal_that_runs_when_the_home_is_lost(relayed):
     assert relayed.client.ask(Trigger, '/simulated_axes/restart').success
     status, why = relayed.goals.end(goal)
     assert status == ABORTED
-    assert why.startswith('axis x has lost its home: the publisher of its feedback has changed')
+    assert why.startswith('axis x ')  # the relay or the homing node has seen it first
+    assert why.endswith('feedback has changed: did the driver restart?')
     relayed.client.until(lambda: not relayed.state.homed)
     status, why = relayed.goals.go(HOMED)
     assert status == ABORTED

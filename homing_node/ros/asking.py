@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
@@ -18,6 +19,27 @@ def of_interest(name: str) -> bool:
     return not name.startswith(('gains.', 'robot_description', 'qos_overrides.'))
 
 
+class Clients:
+    """Clients that are kept: a service may drop its answer to one that has only just come."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._clients: dict[tuple[Any, str], Any] = {}
+
+    def of(self, kind: Any, service: str) -> Any:
+        """Return the client of a service.
+
+        Raises:
+            ValueError: The service's name is none.
+        """
+        if (kind, service) not in self._clients:
+            try:
+                self._clients[kind, service] = self._node.create_client(kind, service)
+            except NameValidationException as error:
+                raise ValueError(str(error).partition('\n')[0].rstrip(':')) from None
+        return self._clients[kind, service]
+
+
 class Question:
     """Calls of one service: sent when the service is there, given up after ``patience`` s.
 
@@ -25,34 +47,73 @@ class Question:
     where nobody answered.
     """
 
-    def __init__(self, node: Node, kind: Any, service: str, request: Any, patience: float) -> None:
+    def __init__(
+        self,
+        node: Node,
+        kind: Any,
+        service: str,
+        request: Any,
+        patience: float,
+        clients: Clients | None = None,
+        again: float = 0.0,
+    ) -> None:
+        """Ask.
+
+        Args:
+            node: The node that asks.
+            kind: The type of the service.
+            service: Its name.
+            request: What is asked.
+            patience: How long an answer may take, s.
+            clients: Where the client is kept; None: it ends with the question.
+            again: After this time without an answer it is asked once more, s; 0: never.
+        """
         self._node, self._request, self._patience = node, request, patience
-        self._client = node.create_client(kind, service)
+        self._kept, self._again = clients is not None, again
+        kept = clients and clients.of(kind, service)
+        self._client = kept or node.create_client(kind, service)
+        self._future: Any = None
         self.ask()
 
     def ask(self) -> None:
         """Ask, once more if it was done before."""
         self.done = False
         self.answer: Any = None
-        self._future: Any = None
+        self._drop()
         self._until = time.monotonic() + self._patience
+        self._sent = 0.0
 
     def poll(self) -> bool:
         """Send what can be sent, take what has come; return whether it is over."""
         if self.done:
             return True
+        now = time.monotonic()
+        if self._again and now > self._sent + self._again and not self._answered:
+            self._drop()
         if self._future is None and self._client.service_is_ready():
-            self._future = self._client.call_async(self._request)
-        if self._future is not None and self._future.done():
+            self._future, self._sent = self._client.call_async(self._request), now
+        if self._answered:
             self.answer, self.done = self._future.result(), True
-        elif time.monotonic() > self._until:
+        elif now > self._until:
             self.done = True
         return self.done
+
+    @property
+    def _answered(self) -> bool:
+        return self._future is not None and bool(self._future.done())
+
+    def _drop(self) -> None:
+        """Forget what was asked."""
+        if self._future is not None and not self._future.done():
+            self._client.remove_pending_request(self._future)
+        self._future = None
 
     def close(self) -> None:
         """Ask no more."""
         self.done = True
-        self._node.destroy_client(self._client)
+        self._drop()
+        if not self._kept:
+            self._node.destroy_client(self._client)
 
 
 class Parameters:

@@ -28,13 +28,15 @@ from ..parameters.axis import AxisParameters
 from ..parameters.definition import InvalidParameters
 from ..procedures.states import Apply, Error
 from . import managers, requests
-from .asking import Question
+from .asking import Clients, Question
 from .managers import ManagerList, Switch
 
 #: How often open questions are looked at, and how often the managers are asked at rest, s.
 LOOK_PERIOD, ASK_PERIOD = 0.01, 0.5
 #: How long a manager may take to list its controllers, s.
 PATIENCE = 1.0
+#: How often the relay is told its home until it answers, s.
+AGAIN = 0.3
 #: The parameter of the relay that is the home of an axis.
 HOME = '{axis}.home_offset'
 DOUBLE = 3  # rcl_interfaces/msg/ParameterType
@@ -67,10 +69,11 @@ class Handovers:
         self._managers: dict[str, ManagerList] = {}  # by their service
         self._listed: dict[str, dict[str, managers.Known]] = {}  # by the manager's node
         self._asked = 0.0
+        self._clients = Clients(node)
         faults = []
         for name, axis in axes.items():
             axis.hands_over = True
-            fault = self.fault(axis.parameters)
+            fault = self.fault(axis.parameters) or self._prepare(axis.parameters)
             faults += [f'{name}.{fault}'] if fault else []
         if faults:
             raise InvalidParameters(faults)
@@ -171,6 +174,9 @@ class Handovers:
                 and axis.handover.question is not None
                 and axis.handover.question.number == self._released.get(name)
             }
+        for axis in self._axes.values():
+            if axis.handover is not None:
+                self._prepare(axis.parameters)  # they may have changed
         for name in list(self._tasks):
             if name not in wanted or wanted[name][1].number != self._tasks[name][0]:
                 self._tasks.pop(name)[1].close()
@@ -204,7 +210,7 @@ class Handovers:
             by_manager.setdefault(manager, []).append(one.rpartition('/')[2])
         return _Switching(
             [
-                Switch(self._node, manager, names, on, p.apply_timeout)
+                Switch(self._node, manager, names, on, p.apply_timeout, self._clients)
                 for manager, names in by_manager.items()
             ],
             answer,
@@ -215,19 +221,37 @@ class Handovers:
     ) -> Task:
         """Call the service of the driver, or set the parameter of the relay."""
         try:
+            kind, service = self._service_of(p)
+            again = 0.0
             if p.apply is Apply.relay:
-                kind: Any = SetParameters
-                service = f'{self._relay_of(p)}/set_parameters'
+                again = AGAIN  # that sets the same value once more
                 value = {'type': DOUBLE, 'double_value': asked.values['home_offset']}
                 one = {'name': HOME.format(axis=name), 'value': value}
                 request = requests.filled(kind.Request(), {'parameters': [one]})
             else:
-                kind, service = requests.service_type(p.apply_type), p.apply_service
                 request = _request(kind, p, asked.values, name, self._joints[name])
-            return _Calling(Question(self._node, kind, service, request, p.apply_timeout), answer)
+            question = Question(
+                self._node, kind, service, request, p.apply_timeout, self._clients, again
+            )
+            return _Calling(question, answer)
         except ValueError as error:  # a name that is none, a value that does not fit
             answer(False, str(error))
             return _Nothing()
+
+    def _service_of(self, p: AxisParameters) -> tuple[Any, str]:
+        """Return the type and the name of the service that takes a home."""
+        if p.apply is Apply.relay:
+            return SetParameters, f'{self._relay_of(p)}/set_parameters'
+        return requests.service_type(p.apply_type), p.apply_service
+
+    def _prepare(self, p: AxisParameters) -> str:
+        """Make the client by which a home is applied; return why there can be none, else ''."""
+        try:
+            if p.apply is not Apply.none:
+                self._clients.of(*self._service_of(p))
+        except ValueError as error:
+            return f'apply_service: {error}'
+        return ''
 
     def _answer(self, handover: Handover, number: int, yes: bool, text: str) -> None:
         with self._lock:
@@ -265,7 +289,10 @@ class Handovers:
                 if service in self._managers:
                     self._managers[service].ask()
                 else:
-                    self._managers[service] = ManagerList(self._node, service, PATIENCE)
+                    self._managers[service] = ManagerList(
+                        self._node, service, PATIENCE, self._clients
+                    )
+                    managers.prepare(self._clients, service.rpartition('/')[0])
         waiting = False
         for service, manager in self._managers.items():
             if manager.poll():

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from rclpy.node import Node
 
 from . import graph
-from .asking import Question
+from .asking import Clients, Question
 
 try:
     from controller_manager_msgs.srv import ListControllers, SwitchController
@@ -34,12 +34,16 @@ class Known(NamedTuple):
 class ManagerList:
     """The controllers of one manager."""
 
-    def __init__(self, node: Node, service: str, patience: float) -> None:
+    def __init__(
+        self, node: Node, service: str, patience: float, clients: Clients | None = None
+    ) -> None:
         self.node = service.rpartition('/')[0]
         self._question = (
             None
             if ListControllers is None
-            else Question(node, ListControllers, service, ListControllers.Request(), patience)
+            else Question(
+                node, ListControllers, service, ListControllers.Request(), patience, clients
+            )
         )
 
     def ask(self) -> None:
@@ -74,6 +78,11 @@ def services(node: Node) -> list[str]:
     return graph.services_of_type(node, LIST_CONTROLLERS)
 
 
+def prepare(clients: Clients, manager: str) -> None:
+    """Make the clients by which the controllers of a manager are switched."""
+    clients.of(SwitchController, f'{manager}/switch_controller')
+
+
 class Switch:
     """Switches controllers of one manager, and looks whether they are switched.
 
@@ -81,7 +90,13 @@ class Switch:
     """
 
     def __init__(
-        self, node: Node, manager: str, names: Sequence[str], on: bool, patience: float
+        self,
+        node: Node,
+        manager: str,
+        names: Sequence[str],
+        on: bool,
+        patience: float,
+        clients: Clients,
     ) -> None:
         """Ask for the switch.
 
@@ -91,6 +106,7 @@ class Switch:
             names: The controllers, as the manager calls them.
             on: Activate them, else deactivate them.
             patience: How long an answer may take, s.
+            clients: Where the clients of the manager are kept.
         """
         self.answer: str | None = None
         self._names, self._wanted = list(names), ON if on else OFF
@@ -103,9 +119,9 @@ class Switch:
         )
         request.timeout.sec, request.timeout.nanosec = int(patience), int(patience % 1.0 * 1e9)
         self._switching = Question(
-            node, SwitchController, f'{manager}/switch_controller', request, patience
+            node, SwitchController, f'{manager}/switch_controller', request, patience, clients
         )
-        self._list = ManagerList(node, f'{manager}/list_controllers', patience)
+        self._list = ManagerList(node, f'{manager}/list_controllers', patience, clients)
 
     def poll(self) -> bool:
         """Go on; return whether it is over."""
