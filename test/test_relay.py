@@ -326,7 +326,8 @@ def test_behind_the_relay_the_command_is_bit_equal(places, offset):
     raw = [tuple(h + o if o else h for h, o in zip(row, offsets, strict=True)) for row in homed]
     more = {'velocities': [0.0] * 3, 'accelerations': [0.0] * 3}
     assert offsets_of(names, axes) == offsets
-    shifted = to_raw(trajectory(homed, names=names, **more), offsets_of(names, axes))
+    shifted = trajectory(homed, names=names, **more)
+    assert to_raw(shifted, axes) == ''
     assert shifted == trajectory(raw, names=names, **more)
 
     def commands(message):
@@ -351,10 +352,27 @@ def test_behind_the_relay_the_command_is_bit_equal(places, offset):
 
 
 def test_feedback_comes_back_homed():
+    axis = known('x', 0.1)
+    names, axes = ['x_joint', 'wheel'], by_joint(axis)
     point = JointTrajectoryPoint(positions=[0.5, 0.7], velocities=[1.0, 2.0])
-    assert list(to_homed(point, [0.1, 0.0]).positions) == [0.5 - 0.1, 0.7]
+    empty = JointTrajectoryPoint()
+    assert to_homed([point, empty], names, axes)
+    assert list(point.positions) == [0.5 - 0.1, 0.7]
     assert list(point.velocities) == [1.0, 2.0]
-    assert list(to_homed(JointTrajectoryPoint(), [0.1]).positions) == []
+    assert list(empty.positions) == []
+
+
+def test_without_a_home_nothing_is_shifted():
+    """Positions of one kind never pass for those of the other."""
+    axes = by_joint(known('x', 0.1), known('y'))
+    names = ['x_joint', 'y_joint']
+    homed = trajectory([(0.1, 0.2)], names=names)
+    assert to_raw(homed, axes) == 'axis y is not homed'
+    assert homed == trajectory([(0.1, 0.2)], names=names)
+    point = JointTrajectoryPoint(positions=[0.5, 0.7])
+    assert not to_homed([point], names, axes)
+    assert list(point.positions) == [0.5, 0.7]
+    assert offsets_of(names, axes) is None
 
 
 # -- parameters ---------------------------------------------------------------------------------

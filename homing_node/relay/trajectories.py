@@ -75,23 +75,46 @@ def _at(values: Sequence[float], place: int) -> float | None:
     return values[place] if place < len(values) else None
 
 
-def offsets_of(names: Sequence[str], axes: Mapping[str, KnownHome]) -> list[float]:
-    """Return raw minus homed position of each joint; 0 of one that is not ours, or has no home."""
-    known = (axes.get(name) for name in names)
-    return [0.0 if axis is None or axis.offset is None else axis.offset for axis in known]
+def to_raw(trajectory: Any, axes: Mapping[str, KnownHome]) -> str:
+    """Shift the positions of a trajectory from homed to raw coordinates, if it may be played.
 
+    It is judged and shifted in one step, with the axes locked: a home that were lost in between
+    would leave homed positions that pass for raw ones.
 
-def to_raw(trajectory: Any, offsets: Sequence[float]) -> Any:
-    """Shift the positions of a trajectory from homed to raw coordinates, and return it."""
+    Args:
+        trajectory: The message, in homed coordinates; raw ones afterwards.
+        axes: The axes of the relay, by joint; other joints are neither judged nor shifted.
+
+    Returns:
+        Why the trajectory must not be played, and is not shifted; '' if it may.
+    """
+    why = refusal(trajectory, axes)
+    offsets = offsets_of(trajectory.joint_names, axes)
+    if why or offsets is None:
+        return why or 'an axis is not homed'
     for point in trajectory.points:
         _shift(point, [-offset for offset in offsets])
-    return trajectory
+    return ''
 
 
-def to_homed(point: Any, offsets: Sequence[float]) -> Any:
-    """Shift the positions of one point from raw to homed coordinates, and return it."""
-    _shift(point, offsets)
-    return point
+def to_homed(points: Sequence[Any], names: Sequence[str], axes: Mapping[str, KnownHome]) -> bool:
+    """Shift points from raw to homed coordinates; return whether every home is known for that."""
+    offsets = offsets_of(names, axes)
+    if offsets is None:
+        return False
+    for point in points:
+        _shift(point, offsets)
+    return True
+
+
+def offsets_of(names: Sequence[str], axes: Mapping[str, KnownHome]) -> list[float] | None:
+    """Return raw minus homed position of each joint, None if the home of one is not known.
+
+    A joint that is no axis of the relay has the offset 0.
+    """
+    offsets = [axes[name].offset if name in axes else 0.0 for name in names]
+    known = [offset for offset in offsets if offset is not None]
+    return known if len(known) == len(offsets) else None
 
 
 def _shift(point: Any, offsets: Sequence[float]) -> None:

@@ -20,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectory
 from ..diagnosis.listeners import others
 from ..procedures.states import Error
 from ..relay.known_home import KnownHome
-from ..relay.trajectories import offsets_of, refusal, to_homed, to_raw
+from ..relay.trajectories import to_homed, to_raw
 from . import graph
 
 try:
@@ -163,34 +163,29 @@ class ControllerRelay:
             'that was killed stays listed for about 20 s)'
         )
 
-    def _refusal(self, trajectory: Any) -> str:
-        return self._conflict() or self._guarded(partial(refusal, trajectory, self._axes))
-
-    def _raw(self, trajectory: Any) -> Any:
-        """Return a trajectory in raw coordinates."""
-        offsets = self._guarded(partial(offsets_of, trajectory.joint_names, self._axes))
-        return to_raw(trajectory, offsets)
+    def _to_raw(self, trajectory: Any) -> str:
+        """Turn a trajectory into raw coordinates; return why it must not be played, else ''."""
+        return self._conflict() or self._guarded(partial(to_raw, trajectory, self._axes))
 
     def _relay(self, trajectory: JointTrajectory) -> None:
         """Relay a message of the topic, or say why not."""
-        why = self._refusal(trajectory)
+        why = self._to_raw(trajectory)
         if why:
             text = f'a trajectory is refused: {why}'
             self._node.get_logger().error(text, throttle_duration_sec=1.0)
             return
-        self._publisher.publish(self._raw(trajectory))
+        self._publisher.publish(trajectory)
 
     async def _execute(self, goal: Any) -> Any:
         """Relay a goal, and return how it ended."""
         request = goal.request
-        why = self._refusal(request.trajectory)
+        why = self._to_raw(request.trajectory)
         if not why and not self._client.server_is_ready():
             why = f'nobody serves {self._action}'
         if why:
             return self._abort(goal, why)
         running = Running(goal, Future(executor=self._node.executor))
         self._running.append(running)
-        request.trajectory = self._raw(request.trajectory)
         sending = self._client.send_goal_async(
             request, feedback_callback=partial(self._feedback, running)
         )
@@ -229,7 +224,6 @@ class ControllerRelay:
         if running.over.done():
             return
         feedback = message.feedback
-        offsets = self._guarded(partial(offsets_of, feedback.joint_names, self._axes))
-        for point in (feedback.desired, feedback.actual):
-            to_homed(point, offsets)
-        running.goal.publish_feedback(feedback)
+        points = feedback.desired, feedback.actual
+        if self._guarded(partial(to_homed, points, feedback.joint_names, self._axes)):
+            running.goal.publish_feedback(feedback)
