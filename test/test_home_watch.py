@@ -74,3 +74,14 @@ def test_noise_of_an_axis_at_rest_hides_no_jump():
     samples = [(0.002 * i, 1e-6 * (i // 30 % 2) + 0.05 * (i > 400)) for i in range(800)]
     (jump,) = jumps(samples)
     assert jump == pytest.approx(0.05, abs=1e-5)
+
+
+def test_a_run_is_followed_and_what_comes_after_it_is_judged():
+    """The run judges its own feedback; the first sample after it is compared with its last one."""
+    watch = HomeWatch()
+    assert watch.step(0.0, 0.1, LEAP, STOP) == 0.0
+    for n in range(1, 11):
+        watch.follow(0.01 * n, 0.1 + 0.05 * n)
+    assert watch.step(0.11, 0.6, LEAP, STOP) == 0.0
+    watch.follow(0.12, 0.6)
+    assert watch.step(0.13, 0.1, LEAP, STOP) == pytest.approx(-0.5)

@@ -79,10 +79,16 @@ class AxisHome(KeptHome):
             self.history.fails(self.outcome.error)
 
     def _watch_home(self, time: float) -> None:
-        """Compare the newest feedback, sampled at ``time``, with the one before."""
-        p, raw = self.parameters, self.raw_position
-        jump = self._home_watch.step(time, raw, self.readings.leap, p.ls_dec, p.wrap, self.applied)
-        if jump and not self.moving:
+        """Compare the newest feedback, sampled at ``time``, with the one before.
+
+        While a run moves the axis, the run itself judges the feedback.
+        """
+        p, watch, raw = self.parameters, self._home_watch, self.raw_position
+        if self.moving:
+            watch.follow(time, raw)
+            return
+        jump = watch.step(time, raw, self.readings.leap, p.ls_dec, p.wrap, self.applied)
+        if jump:
             self._take_jump(jump, raw)
 
     def _watch_age(self, now: float) -> None:

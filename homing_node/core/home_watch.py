@@ -34,6 +34,11 @@ class HomeWatch:
         self._step = self._velocity = 0.0  # of the last change
         self._hold = 0.0  # the time between two readings
 
+    def follow(self, time: float, position: float) -> None:
+        """Take a sample without a judgement: a run moves the axis, and judges its feedback."""
+        self.position, self._time, self._changed = position, time, time
+        self._step = self._velocity = 0.0
+
     def step(
         self,
         time: float,

@@ -49,6 +49,7 @@ class Track:
         'grain',
         'period',
         'doubt',
+        '_hold',
         '_holds',
         '_changed',
         '_moved',
@@ -61,6 +62,7 @@ class Track:
         self.position = self.doubt = self.period = 0.0
         self.grain = inf
         self._holds: deque[float] = deque(maxlen=HOLDS)
+        self._hold = 0.0  # the usual one of them, s; 0 while there are none
         self._changed: float | None = None  # the newest change while the axis was told to move
         self._doubted = -1e300  # the newest sample with the present doubt
         self._moved = -1e300  # the newest sample taken while the axis was told to move
@@ -99,6 +101,7 @@ class Track:
         elif step:
             if self._changed is not None and step > STAIRCASE * self.grain:
                 self._holds.append(time - self._changed)
+                self._hold = sorted(self._holds)[len(self._holds) // 2]
             self._changed = time
         self.samples.append((time, position))
         self.position = position
@@ -131,10 +134,7 @@ class Track:
     @property
     def late_readings(self) -> float:
         """The time between two readings of a staircase, s; 0 if each message is a new reading."""
-        if not self._holds:
-            return 0.0
-        hold = sorted(self._holds)[len(self._holds) // 2]
-        return hold if hold > STAIRCASE * self.period else 0.0
+        return self._hold if self._hold > STAIRCASE * self.period else 0.0
 
     @property
     def interval(self) -> float:

@@ -145,13 +145,14 @@ class Rehearsal:
 
     def _pass_time(self, steps: int) -> None:
         """Let the plant run; what it tells is on its way."""
+        periodic = self._periodic
         for _ in range(steps):
             self._steps += 1
             happenings = self.plant.step(PLANT_STEP)
             for happening in happenings:
                 self.course.happenings.append(happening)
                 self._report(happening)
-            if self._periodic:
+            if periodic:
                 self._publish_switches(self._steps * PLANT_STEP, happenings)
             if self._steps % self._per_feedback == 0:
                 self._send_feedback(self._steps * PLANT_STEP, self.plant.position)
