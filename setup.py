@@ -37,6 +37,8 @@ else:
         'ros-jazzy-common-interfaces',
         f'homing_interfaces @ {interfaces.as_uri()}',
         'matplotlib',
+        'mcap',
+        'mcap-ros2-support',
         'numpy',
         'PyYAML',
         'rich',
