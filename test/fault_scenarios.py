@@ -409,6 +409,23 @@ def _(d):
 
 
 @case(
+    '19',
+    'the drive is off, and a hand closes the switch',
+    'HS; the axis stands, and the home switch rises 2 mm after the start',
+    Error.FollowingError,
+    says='the feedback did not move',
+)
+def _(d):
+    made = faulty(rig('HS'), d, f.of(f.SETPOINT, lambda one: []))
+    made.cycle()
+    assert made.axis.home(made.time) is None
+    while abs(made.axis.profile.present - 0.03) < 0.002:
+        made.cycle()
+    made.axis.switch(Input.HOME_SWITCH, made.time, True)
+    return finished(made)
+
+
+@case(
     '20',
     'the edge of the home switch is lost',
     'its rise never arrives: the limit reverses',
@@ -981,6 +998,24 @@ BETWEEN = (
         'the header stamps have a clock of their own',
         'homed, with a warning; the uncertainty covers both readings',
         'test_node_drivers.py::test_a_header_clock_of_its_own',
+    ),
+    Between(
+        '-',
+        'the drive lags by more than a mechanical end is detected by',
+        'homed on the end, or `FollowingError`; never on the way',
+        'test_node_cases.py::test_case_6_a_drive_that_lags_is_not_at_its_end',
+    ),
+    Between(
+        '-',
+        'open_loop_homing, and the command is ahead of the pulse',
+        'homed on the first pulse beyond the edge',
+        'test_node_cases.py::test_case_16_open_loop_homing_takes_the_first_pulse_beyond_the_edge',
+    ),
+    Between(
+        '-',
+        'an axis at a tenth of its speeds',
+        'homed; the move by home_shift_distance is no faster than the fast velocity',
+        'test_node_cases.py::test_case_22_the_last_move_is_as_fast_as_the_fast_velocity',
     ),
     Between(
         '-',

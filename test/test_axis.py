@@ -529,6 +529,23 @@ def test_an_axis_that_jams_after_its_edge_is_not_homed(direction):
 
 
 @BOTH_WAYS
+@pytest.mark.parametrize('shift', [0.0, 0.004])
+def test_an_axis_that_never_moves_is_not_homed(direction, shift):
+    """The drive is off, and somebody closes the home switch by hand."""
+    made = rig('HS', following_error=0.02, home_shift_distance=shift).rehearsal(direction, 0.02)
+    start = made.plant.position
+    made._send_feedback = lambda time, position: made.axis.feedback(time, start)
+    made.cycle()
+    assert made.axis.home(made.time) is None
+    while made.axis.running:
+        made.cycle()
+        if abs(abs(made.axis.profile.present) - abs(start)) > 0.003:
+            made.axis.switch(Input.HOME_SWITCH, made.time, True)
+    assert made.axis.error is Error.FollowingError, made.axis.outcome
+    assert not made.axis.homed
+
+
+@BOTH_WAYS
 def test_an_inverted_encoder_is_a_wrong_direction(direction):
     made = rig('HS', following_error=0.05).rehearsal(direction, 0.02)
     start = made.plant.position

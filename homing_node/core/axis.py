@@ -21,7 +21,7 @@ from .machine import Machine
 from .outcome import Failure, Outcome
 from .profile import Profile
 from .result import outcome_of
-from .settling import Rest, Settling, jammed
+from .settling import Rest, Settling, jammed, never_moved
 from .signals import Edge
 
 #: The velocity of an axis that does not follow is the mean over this time, s.
@@ -380,6 +380,9 @@ class Axis(AxisHome):
             return self._setpoint(now)
         if not (followed or failed):
             machine.fail(jammed(behind, p.settling_tolerance))
+        stood = 0.0 if failed or p.homes_on_mechanical_end else machine.movement.stood
+        if stood > p.settling_tolerance:
+            machine.fail(never_moved(stood))
         for text in readings.warnings(machine.passes.fine):
             machine.warn(text)
         self._end(outcome_of(machine, self.name, readings.finest))

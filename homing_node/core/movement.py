@@ -20,6 +20,9 @@ from .profile import Dynamics, Profile
 from .signals import FINEST, Edge, Mark
 from .travel import Leg
 
+#: An axis that has traveled no more than this part of what the command did has stood.
+STANDS = 0.1
+
 #: An event, and where the axis was.
 Found = tuple[Event, Mark]
 
@@ -43,6 +46,8 @@ class Movement:
         'approach',
         'index_margin',
         '_parameters',
+        '_gone',
+        '_traveled',
         '_profile',
         '_dynamics',
         '_warn',
@@ -77,6 +82,7 @@ class Movement:
         self._cause = Mark(feedback)
         self._own_event: Callable[[float, float, float], Found | Failure | None] | None = None
         self._further = False  # the homing reverse distance has a target
+        self._gone = self._traveled = 0.0  # on the longest leg that has ended
 
     def heading(self, motion: Motion, reference: Mark | None) -> tuple[Way, float]:
         """Return which way a motion goes, and where to if it has a target."""
@@ -94,6 +100,8 @@ class Movement:
 
     def turn(self, way: Way, now: float, feedback: float) -> None:
         """Begin a new leg."""
+        self._gone = max(self._gone, self.leg.gone)
+        self._traveled = max(self._traveled, self.leg.traveled)
         self.leg = Leg(way, feedback, self._profile.present, now, self.leg)
         self.latches.forget()
 
@@ -116,6 +124,13 @@ class Movement:
             profile.move(target, dynamics)
         elif motion.kind is Kind.SEARCH:
             profile.seek(motion.way * dynamics.velocity, dynamics)
+
+    @property
+    def stood(self) -> float:
+        """How far the command went while the axis stood, m or rad; 0 of an axis that has moved."""
+        gone = max(self._gone, self.leg.gone)
+        moved = max(self._traveled, self.leg.traveled) > STANDS * gone
+        return 0.0 if moved else gone
 
     def follow(self, feedback: float) -> None:
         """Move the turning point as long as the axis overruns it."""

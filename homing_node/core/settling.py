@@ -51,6 +51,15 @@ def jammed(behind: float, tolerance: float) -> Failure:
     )
 
 
+def never_moved(gone: float) -> Failure:
+    """Return the failure of an axis that stood while its command went some way, m or rad."""
+    return Failure(
+        Error.FollowingError,
+        f'the command went {gone:.6g} m and came back, and the feedback did not move',
+        'is the drive on, and does it follow the setpoints? What closed the switch?',
+    )
+
+
 class Settling:
     """Judges whether the feedback has come to rest.
 
