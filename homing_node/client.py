@@ -13,7 +13,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -26,21 +26,23 @@ from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, ParameterMsg
 from rclpy.parameter_client import AsyncParameterClient
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float64
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import JointTrajectory
 
-from .course import Course, Happening, Sample
-from .procedures.states import LATCHES, Error, Input, State
+from .course import Course
+from .procedures.states import Error
+from .ros import graph
+from .ros.course_recorder import CourseRecorder
 
 #: Interval at which a waiting client checks that the node is alive, s.
 ALIVE_PERIOD = 1.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+#: A node that sends no feedback about a goal for so long is silent, s; it sends some at 10 Hz.
+SILENCE = 5.0
+#: The service by which a homing node, or a coordinator, is known, and how its name ends.
+ACTION, SEND_GOAL = 'homing_interfaces/action/Home_SendGoal', '/home/_action/send_goal'
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,14 @@ class Answer:
 
     def __bool__(self) -> bool:
         return self.success
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while a goal was on: it was canceled, and ``result`` is how it has ended, at rest."""
+
+    def __init__(self, result: Any) -> None:
+        self.result = result
+        super().__init__()
 
 
 class HomingClient:
@@ -124,38 +134,27 @@ class HomingClient:
     ) -> Answer:
         """Home some axes and return how it ended.
 
-        KeyboardInterrupt and a timeout stop the axes before they leave this call.
+        KeyboardInterrupt (as Interrupted) and a timeout stop the axes before they leave this call.
 
         Args:
             axes: The names of the axes; none: all axes, in `home_sequence`.
             on_feedback: Called at 10 Hz, in the client's thread.
             timeout: Longest wait for the end, s; None: no bound.
         """
-        client = self._client(
-            'home (action)', lambda: ActionClient(self.node, Home, f'{self.node_name}/home')
-        )
-        if not client.wait_for_server(self.discovery):
-            raise TimeoutError(f'no action {self.node_name}/home within {self.discovery:g} s')
+        return self._patiently(lambda: self._home('home', axes, on_feedback, timeout))
 
-        def forward(message: Any) -> None:
-            if on_feedback is not None:
-                on_feedback(message.feedback)
+    def verify(
+        self,
+        *axes: str,
+        on_feedback: Callable[[Home.Feedback], None] | None = None,
+        timeout: float | None = None,
+    ) -> Answer:
+        """Compare the homes of some axes, one at least, with what is found again.
 
-        def run() -> Answer:
-            sent = client.send_goal_async(Home.Goal(axes=list(axes)), forward)
-            goal = self._wait(sent, self.discovery)
-            result = goal.get_result_async()
-            try:
-                answer = self._wait(result, timeout, client.server_is_ready).result
-            except (KeyboardInterrupt, TimeoutError):
-                self._wait(goal.cancel_goal_async(), self.discovery, client.server_is_ready)
-                self._wait(result, self.discovery, client.server_is_ready)
-                raise
-            for state in answer.states:
-                self._take_state(state.axis, state)
-            return Answer(answer.success, answer.message, tuple(answer.states))
-
-        return self._patiently(run)
+        The rest is as in :meth:`home`.
+        """
+        first, *others = axes
+        return self._patiently(lambda: self._home(f'{first}/verify', others, on_feedback, timeout))
 
     def call_home(self, axis: str = '', timeout: float | None = None) -> Answer:
         """Home one axis, or all, through the service instead of the action.
@@ -187,6 +186,34 @@ class HomingClient:
         result = self._wait(client.set_parameters_atomically(parameters), self.discovery).result
         return Answer(result.successful, result.reason)
 
+    def parameters(self, *names: str) -> dict[str, Any]:
+        """Return those parameters of the node that it has."""
+        client = self._client(
+            'parameters', lambda: AsyncParameterClient(self.node, self.node_name)
+        )
+        if not client.wait_for_services(self.discovery):
+            raise TimeoutError(f'no node {self.node_name} within {self.discovery:g} s')
+        values = self._wait(client.get_parameters(list(names)), self.discovery).values
+        found = (
+            Parameter.from_parameter_msg(ParameterMsg(name=name, value=value))
+            for name, value in zip(names, values, strict=False)
+        )
+        return {one.name: one.value for one in found if one.value is not None}
+
+    def others(self) -> list[str]:
+        """Return the full names of all homing nodes and coordinators that are in reach now."""
+        names = graph.services_of_type(self.node, ACTION)
+        return [name.removesuffix(SEND_GOAL) for name in names if name.endswith(SEND_GOAL)]
+
+    def wait_for_node(self) -> bool:
+        """Wait until the node is in reach; return whether it is."""
+        until = time.monotonic() + self.discovery
+        while self.node_name not in self.others():
+            if time.monotonic() > until:
+                return False
+            time.sleep(0.02)
+        return True
+
     def state(self, axis: str) -> AxisState:
         """Return the newest state of an axis."""
         with self._changed:
@@ -208,7 +235,7 @@ class HomingClient:
         The axis publishes `setpoint_interface: trajectory`.
         """
         self.state(axis)
-        recorder = Recorder(self, axis, joint or axis)
+        recorder = CourseRecorder(self.node, self.node_name, axis, joint or axis, self.state)
         try:
             yield recorder.course
         finally:
@@ -219,6 +246,62 @@ class HomingClient:
     def _spin(self) -> None:
         with suppress(ExternalShutdownException):
             self._executor.spin()
+
+    def _home(
+        self,
+        name: str,
+        axes: Sequence[str],
+        on_feedback: Callable[[Home.Feedback], None] | None,
+        timeout: float | None,
+    ) -> Answer:
+        result = self._act(Home, name, Home.Goal(axes=list(axes)), on_feedback, timeout)
+        for state in result.states:
+            self._take_state(state.axis, state)
+        return Answer(result.success, result.message, tuple(result.states))
+
+    def _act(
+        self,
+        kind: Any,
+        name: str,
+        goal: Any,
+        on_feedback: Callable[[Any], None] | None = None,
+        timeout: float | None = None,
+    ) -> Any:
+        """Send a goal, and return its result; stop it where this call ends before."""
+        action = f'{self.node_name}/{name}'
+        client = self._client(f'{name} (action)', lambda: ActionClient(self.node, kind, action))
+        if not client.wait_for_server(self.discovery):
+            raise TimeoutError(f'no action {action} within {self.discovery:g} s')
+        heard = time.monotonic()
+
+        def forward(message: Any) -> None:
+            nonlocal heard
+            heard = time.monotonic()
+            if on_feedback is not None:
+                on_feedback(message.feedback)
+
+        def alive() -> bool:
+            return client.server_is_ready() and time.monotonic() - heard < SILENCE
+
+        sent = client.send_goal_async(goal, forward)
+        try:
+            accepted = self._wait(sent, self.discovery, client.server_is_ready)
+            if not accepted.accepted:
+                return kind.Result(message=f'{self.node_name} has rejected the goal')
+            heard = time.monotonic()
+            return self._wait(accepted.get_result_async(), timeout, alive).result
+        except KeyboardInterrupt:
+            raise Interrupted(self._stop(client, sent)) from None
+        except TimeoutError:
+            self._stop(client, sent)
+            raise
+
+    def _stop(self, client: Any, sent: Any) -> Any:
+        """Cancel a goal that was sent, and return its result, which comes when all is at rest."""
+        ready = client.server_is_ready
+        goal = self._wait(sent, self.discovery, ready)
+        self._wait(goal.cancel_goal_async(), self.discovery, ready)
+        return self._wait(goal.get_result_async(), self.discovery, ready).result
 
     def _patiently(self, run: Callable[[], Answer], axis: str = '') -> Answer:
         """Repeat a request while it is refused because the node has not heard its inputs."""
@@ -283,81 +366,3 @@ class HomingClient:
 def _time_of(state: AxisState) -> tuple[int, int]:
     stamp = state.header.stamp
     return stamp.sec, stamp.nanosec
-
-
-#: What the middleware says of a message.
-Info = Mapping[str, int]
-
-
-class Recorder:
-    """Fills a course from the topics of one axis; the times are those of publishing."""
-
-    def __init__(self, client: HomingClient, axis: str, joint: str) -> None:
-        self.course = Course()
-        self._client, self._axis, self._joint = client, axis, joint
-        self._begun = time.time_ns()
-        self._feedback = 0.0
-        self._levels: dict[Input, bool] = {}
-        node, name = client.node, client.node_name
-
-        self._subscriptions = [
-            node.create_subscription(
-                JointTrajectory, f'{name}/setpoints', self._take_setpoint, 100
-            ),
-            node.create_subscription(JointState, 'joint_states', self._take_feedback, BEST_EFFORT),
-        ]
-        for source in Input:
-            if source is not Input.SERVO_ENABLED:
-                self._subscriptions.append(
-                    node.create_subscription(
-                        Float64 if source in LATCHES else Bool,
-                        f'{name}/{axis}/{source}',
-                        self._input_taker(source),
-                        100,
-                    )
-                )
-
-    def close(self) -> None:
-        """Stop recording."""
-        for subscription in self._subscriptions:
-            self._client.node.destroy_subscription(subscription)
-
-    def _time(self, info: Info) -> float:
-        return (info['source_timestamp'] - self._begun) * 1e-9
-
-    def _take_setpoint(self, message: JointTrajectory, info: Info) -> None:
-        if self._joint not in message.joint_names:
-            return
-        index, point = message.joint_names.index(self._joint), message.points[0]
-        state = self._client.state(self._axis).state
-        if state != State.Idle:
-            self.course.samples.append(
-                Sample(
-                    self._time(info),
-                    state,
-                    point.positions[index],
-                    point.velocities[index],
-                    point.accelerations[index],
-                    self._feedback,
-                )
-            )
-
-    def _take_feedback(self, message: JointState) -> None:
-        if self._joint in message.name:
-            self._feedback = message.position[message.name.index(self._joint)]
-
-    def _input_taker(self, source: Input) -> Callable[[Any, Info], None]:
-        def take(message: Bool | Float64, info: Info) -> None:
-            value = message.data
-            latched = source in LATCHES
-            if not latched:
-                before, self._levels[source] = self._levels.get(source, value), value
-                if before == value:
-                    return
-            self.course.happenings.append(
-                Happening(
-                    self._time(info), str(source), value, value if latched else self._feedback
-                )
-            )
-
-        return take

@@ -48,8 +48,8 @@ PURE_LIBRARY = {
 }
 #: The rooms that know ROS.
 ROS_ROOMS = ['ros', 'client']
-#: Verbs of the command that need ROS: they import it when they run, so that the others do not.
-ROS_VERBS = {'cli/doctor.py', 'cli/repeat.py'}
+#: What of the command needs ROS: it is imported when a verb runs, so that the others need none.
+ROS_VERBS = {'cli/doctor.py', 'cli/live.py'}
 #: What the node never needs.
 TOOLS = {'rehearsal', 'convert', 'figures', 'cli', 'client', 'course'}
 ROS = {

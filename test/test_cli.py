@@ -480,7 +480,7 @@ def test_diagram_into_a_file(capsys):
     'arguments, said',
     [
         ([], 'COMMAND'),
-        (['home'], 'invalid choice'),
+        (['hone'], 'invalid choice'),
         (['check'], 'CONFIG'),
         (['run', DEMO], '--layout'),
         (['run', DEMO, '--layout', PLANT, '--type', 'HSS'], 'HSS'),

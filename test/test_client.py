@@ -7,7 +7,8 @@ import pytest
 from homing_interfaces.msg import AxisState
 from rclpy.task import Future
 
-from homing_node.client import Answer, HomingClient
+from homing_node.cli import main
+from homing_node.client import Answer, HomingClient, Interrupted
 
 
 @pytest.mark.parametrize(
@@ -53,3 +54,90 @@ def test_only_a_request_that_moved_nothing_is_repeated(message, states, state, u
     client = SimpleNamespace(state=lambda axis: state)
     answer = Answer(False, message, states)
     assert HomingClient._unheard(client, answer, 'x' if state else '') is unheard
+
+
+class Server:
+    """What an ActionClient offers, of a server that accepts a goal and then says nothing."""
+
+    def __init__(self, answers_cancel=True):
+        self.answers_cancel, self.canceled = answers_cancel, False
+        self.result = Future()
+
+    def wait_for_server(self, timeout):
+        return True
+
+    def server_is_ready(self):
+        return True
+
+    def send_goal_async(self, goal, feedback):
+        return done(
+            SimpleNamespace(
+                accepted=True, get_result_async=lambda: self.result, cancel_goal_async=self._cancel
+            )
+        )
+
+    def _cancel(self):
+        self.canceled = True
+        if self.answers_cancel:
+            self.result.set_result(SimpleNamespace(result='canceled'))
+        return done(None)
+
+
+def done(value):
+    future = Future()
+    future.set_result(value)
+    return future
+
+
+def client_of(server):
+    """Return a client without a graph, whose one server this is."""
+    client = HomingClient.__new__(HomingClient)
+    client.node_name, client.discovery = '/homing_node', 0.1
+    client._clients = {'home (action)': server}
+    return client
+
+
+def test_a_node_that_falls_silent_is_told_to_stop(monkeypatch):
+    monkeypatch.setattr('homing_node.client.SILENCE', 0.05)
+    monkeypatch.setattr('homing_node.client.ALIVE_PERIOD', 0.02)
+    server = Server()
+    with pytest.raises(TimeoutError, match='/homing_node has ended, or is out of reach'):
+        client_of(server)._act(None, 'home', None)
+    assert server.canceled
+
+
+def test_ctrl_c_waits_for_the_end_of_the_goal(monkeypatch):
+    server = Server()
+    client = client_of(server)
+    waits = HomingClient._wait
+
+    def wait(future, *bounds):
+        if future is server.result and not server.canceled:
+            raise KeyboardInterrupt
+        return waits(client, future, *bounds)
+
+    monkeypatch.setattr(client, '_wait', wait)
+    with pytest.raises(Interrupted) as ended:
+        client._act(None, 'home', None)
+    assert ended.value.result == 'canceled'
+
+
+@pytest.mark.parametrize('verb', ['home', 'verify', 'cancel', 'continue', 'repeat'])
+@pytest.mark.parametrize(
+    ('error', 'status', 'said'),
+    [
+        (TimeoutError('it is gone'), 1, 'it is gone; it is not known whether an axis still moves'),
+        (Interrupted(SimpleNamespace(message='Canceled')), 130, 'the axes are at rest: Canceled'),
+        (KeyboardInterrupt(), 130, 'interrupted'),
+    ],
+    ids=['gone', 'interrupted', 'interrupted at once'],
+)
+def test_how_a_verb_ends(monkeypatch, capsys, verb, error, status, said):
+    def fails(*_, **__):
+        raise error
+
+    monkeypatch.setattr(HomingClient, 'wait_for_node', lambda self: True)
+    for name in ('home', 'verify', 'cancel', 'resume'):
+        monkeypatch.setattr(HomingClient, name, fails)
+    assert main([verb, 'x']) == status
+    assert said in capsys.readouterr().err

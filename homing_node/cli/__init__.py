@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `homing`. Only `homing doctor` and `homing repeat` need ROS.
+"""The command `homing`. Only the verbs for the running machine need ROS.
 
 Each verb is a module here with its help texts, its arguments, and `run`, which returns the exit
 status.
@@ -12,25 +12,46 @@ from collections.abc import Sequence
 from importlib import metadata
 
 from ..plant import layout_file
-from . import check, convert, diagram, doctor, explain, history, plot, repeat, run, types
+from . import (
+    cancel,
+    check,
+    convert,
+    diagram,
+    doctor,
+    explain,
+    history,
+    home,
+    plot,
+    repeat,
+    resume,
+    run,
+    types,
+    verify,
+)
 from .common import INTERRUPTED, OK, USAGE, Failure
 
 STATUS = """\
 exit status:
   0  all is well
   1  {failed}
-  2  wrong arguments, or a file that cannot be read, used or written
+  2  wrong arguments, a file that cannot be read, used or written, or no such node
   130  interrupted (Ctrl-C)
 """
 
 MAIN = """\
-Checks, rehearses and draws the homing of machine axes. Only `repeat` moves
-anything; only `doctor` and `repeat` need ROS.
+Checks, rehearses, draws and runs the homing of machine axes.
 
+At the machine, with a homing_node that runs (these need ROS; * moves axes):
+  homing doctor                                    look at the running system, reading only
+  homing home x y                                * home axes, and see how far they have come
+  homing verify x                                * does the home still hold?
+  homing cancel                                    stop, and wait until the axes are at rest
+  homing continue                                * go on after a pause (pause_mode)
+  homing repeat x                                * home ten times: how far do the homes spread?
+
+At the desk:
   homing check axes.yaml --layout machine.yaml     prove a configuration before the first motion
   homing run axes.yaml --layout machine.yaml       rehearse it: how long, which way, where to
-  homing doctor                                    look at the running system, reading only
-  homing repeat x                                  home ten times: how far do the homes spread?
   homing history x                                 what the memory says: has the switch moved?
   homing plot run.npz                              draw a run
   homing diagram HSHS                              draw what a home type does
@@ -42,10 +63,14 @@ anything; only `doctor` and `repeat` need ROS.
 """
 
 COMMANDS = {
+    'doctor': doctor,
+    'home': home,
+    'verify': verify,
+    'cancel': cancel,
+    'continue': resume,
+    'repeat': repeat,
     'check': check,
     'run': run,
-    'doctor': doctor,
-    'repeat': repeat,
     'history': history,
     'plot': plot,
     'diagram': diagram,

@@ -45,6 +45,15 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_node(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        '--node',
+        metavar='NAME',
+        default=yaml_file.NODE,
+        help='the full name of the homing node, with its namespace (default: %(default)s)',
+    )
+
+
 def add_timing(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--feedback-rate',

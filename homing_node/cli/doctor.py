@@ -8,8 +8,17 @@ from pathlib import Path
 from ..check import errors
 from ..diagnosis import diagnose
 from ..parameters.definition import InvalidParameters
-from ..parameters.yaml_file import NODE
-from .common import FAILED, OK, Failure, console, layout_from, not_negative, show_findings
+from .common import (
+    FAILED,
+    OK,
+    Failure,
+    add_node,
+    console,
+    layout_from,
+    not_negative,
+    show_findings,
+)
+from .live import absent, full
 
 TEXT = """\
 Asks the running system, and says what to change before anything moves. Needs ROS.
@@ -40,12 +49,7 @@ FAILURE = 'an error was found (2, too, where there is no such node)'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        '--node',
-        metavar='NAME',
-        default=NODE,
-        help='the full name of the homing node, with its namespace (default: %(default)s)',
-    )
+    add_node(parser)
     parser.add_argument(
         '--listen',
         metavar='S',
@@ -63,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; only here ROS is imported."""
     layout = layout_from(arguments.layout)
     lags = {} if layout is None else {axis: one.lag for axis, one in layout.layouts.items()}
-    node = f'/{arguments.node.strip("/")}'
+    node = full(arguments.node)
     try:
         from ..ros.doctor import NoSuchNode, examine
     except ImportError as error:
@@ -88,11 +92,4 @@ def run(arguments: argparse.Namespace) -> int:
 def _absent(node: str, there: list[str]) -> list[str]:
     if node in there:
         return [f'{node} is there, but does not answer: its parameter services are silent']
-    lines = [f'there is no homing node {node}']
-    if there:
-        return [*lines, f'there is {", ".join(there)}: homing doctor --node {there[0]}']
-    return [
-        *lines,
-        'there is none at all within 5 s: is it running, with the same ROS_DOMAIN_ID and '
-        'ROS_AUTOMATIC_DISCOVERY_RANGE?',
-    ]
+    return absent(node, there, 'doctor')

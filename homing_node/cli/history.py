@@ -13,8 +13,7 @@ from ..memory.records import Run
 from ..memory.store import Contents, read
 from ..parameters.configuration import MEMORY_FOLDER
 from ..parameters.units import Unit
-from ..parameters.yaml_file import NODE
-from .common import FAILED, OK, Failure, count, written
+from .common import FAILED, OK, Failure, add_node, count, written
 
 TEXT = """\
 Tells what is known of the homes of an axis: the newest runs, how steady home is, and the trend in
@@ -42,12 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=MEMORY_FOLDER,
         help='the folder, as in the parameter memory (default: %(default)s)',
     )
-    parser.add_argument(
-        '--node',
-        metavar='NAME',
-        default=NODE,
-        help='the full name of the homing node, with its namespace (default: %(default)s)',
-    )
+    add_node(parser)
     parser.add_argument(
         '--last',
         metavar='N',

@@ -8,20 +8,20 @@ from statistics import fmean, pstdev
 from typing import NamedTuple
 
 from ..parameters.units import Unit
-from ..parameters.yaml_file import NODE
-from .common import FAILED, OK, Failure, count
+from .common import FAILED, OK, Failure, add_node, count
+from .live import STATUS, connected
 
 TEXT = """\
 Homes an axis several times through a running homing_node, and tells how far the homes spread, how
 they drift, and whether the uncertainty that the node promises holds. The axis moves. Needs ROS.
 """
 
-EXAMPLES = """\
+EXAMPLES = f"""\
 examples:
   homing repeat x
   homing repeat x --runs 30 --node /cell_2/homing_node
 
-"""
+{STATUS}"""
 
 FAILURE = 'a run failed, or the homes spread further than their uncertainty'
 
@@ -76,12 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--runs', metavar='N', type=count, default=10, help='how often (default: %(default)s)'
     )
-    parser.add_argument(
-        '--node',
-        metavar='NAME',
-        default=NODE,
-        help='the full name of the homing node, with its namespace (default: %(default)s)',
-    )
+    add_node(parser)
     parser.add_argument(
         '--unit', choices=[str(one) for one in Unit], default='m', help='the unit of the axis'
     )
@@ -89,27 +84,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the command; only here ROS is imported."""
-    try:
-        from ..client import HomingClient
-    except ImportError as error:
-        raise Failure(f'`homing repeat` needs ROS 2 ({error})') from None
+    """Run the command."""
     positions: list[float] = []
     uncertainties: list[float] = []
-    node = f'/{arguments.node.strip("/")}'
-    with HomingClient(node) as client:
-        try:
-            for number in range(1, arguments.runs + 1):
-                answer = client.home(arguments.axis)
-                if not answer:
-                    raise Failure(f'run {number}: {answer.message}', status=FAILED)
-                (state,) = answer.states
-                positions.append(state.home_position_raw)
-                uncertainties.append(state.uncertainty)
-                if not arguments.json:
-                    print(f'run {number}: {answer.message}', flush=True)
-        except TimeoutError as error:
-            raise Failure(str(error)) from None
+    with connected(arguments) as client:
+        for number in range(1, arguments.runs + 1):
+            answer = client.home(arguments.axis)
+            if not answer:
+                raise Failure(f'run {number}: {answer.message}', status=FAILED)
+            (state,) = answer.states
+            positions.append(state.home_position_raw)
+            uncertainties.append(state.uncertainty)
+            if not arguments.json:
+                print(f'run {number}: {answer.message}', flush=True)
     homes = Homes(positions, uncertainties)
     if arguments.json:
         print(

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`homing verify`: compares the homes of axes with what is found again."""
+
+import argparse
+
+from .common import Failure, add_node
+from .home import request
+from .live import STATUS, connected
+
+TEXT = """\
+Looks whether the homes of axes still hold: each axis searches its home again, and keeps the one
+that it has. The axes move. Needs ROS.
+
+Without names it verifies all axes.
+"""
+
+EXAMPLES = f"""\
+examples:
+  homing verify
+  homing verify x --node /cell_2/homing_node
+
+{STATUS}"""
+
+FAILURE = 'a home could not be verified, or it has moved'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('axes', metavar='AXIS', nargs='*', help='the names of axes (default: all)')
+    add_node(parser)
+    parser.add_argument('--json', action='store_true', help='print the result as JSON')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    with connected(arguments) as client:
+        axes = arguments.axes or client.parameters('axes').get('axes', [])
+        if not axes:
+            raise Failure('name the axes to verify')
+        return request(arguments, lambda show: client.verify(*axes, on_feedback=show))

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs of `homing` that talk to a running node, in a namespace."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+import ros_harness as ros
+
+from homing_node.cli import main
+
+NODE = '/cell/homing_node'
+REMAPPED = ['-r', '__ns:=/cell']
+
+
+@pytest.fixture(scope='module')
+def world(tmp_path_factory):
+    axes = {'x': {}, 'y': {'pause_mode': True}}
+    with ros.World(
+        tmp_path_factory.mktemp('verbs'),
+        ros.node_parameters(axes),
+        ros.plant_parameters({axis: {} for axis in axes}),
+        NODE,
+        REMAPPED,
+        REMAPPED,
+    ) as world:
+        world.client.home('x')  # the plant is heard
+        yield world
+
+
+@pytest.fixture
+def homing(world, monkeypatch, capsys):
+    """Return what runs a verb against the node: its status, and what it said."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(world.domain.number))
+
+    def run(*arguments, node=NODE):
+        status = main([*arguments, '--node', node])
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    yield run
+    world.client.rest()
+
+
+class OnTerminal:
+    """The command as a process of its own on a terminal of some columns."""
+
+    def __init__(self, world, *arguments, columns=40, **environment):
+        lead, follow = pty.openpty()
+        code = 'import sys; from homing_node.cli import main; sys.exit(main())'
+        variables = {
+            'TERM': 'xterm-256color',
+            'COLUMNS': str(columns),
+            'ROS_DOMAIN_ID': str(world.domain.number),
+        }
+        self.process = subprocess.Popen(
+            [sys.executable, '-c', code, *arguments, '--node', NODE],
+            stdout=follow,
+            stderr=follow,
+            env={**os.environ, **variables, **environment},
+        )
+        os.close(follow)
+        self._parts = []
+        self._reader = threading.Thread(target=self._read, args=(lead,))
+        self._reader.start()
+
+    def _read(self, lead):
+        while True:
+            try:
+                part = os.read(lead, 65536)
+            except OSError:
+                break
+            if not part:
+                break
+            self._parts.append(part)
+        os.close(lead)
+
+    @property
+    def written(self):
+        return b''.join(self._parts).decode()
+
+    def wait(self):
+        status = self.process.wait(ros.PATIENCE)
+        self._reader.join()
+        return status
+
+
+def paused(world, axis):
+    """Wait until an axis is paused."""
+    states = world.client.record_states(axis)
+    world.client.until(lambda: states and states[-1].message.paused, what=f'{axis} to pause')
+    world.client.forget(states)
+
+
+def test_home_and_verify_without_a_terminal(homing):
+    status, out, err = homing('home', 'x')
+    assert (status, err) == (0, '')
+    lines = out.splitlines()
+    assert 'x: SecondHSSearch' in lines and 'x: homed' in lines and lines[-1].startswith('Homed: ')
+    assert '\x1b' not in out
+    status, out, _ = homing('verify', 'x')
+    assert status == 0 and 'Verified: ' in out
+    status, out, err = homing('cancel', 'x')
+    assert (status, out, err) == (0, 'x: nothing to cancel\n', '')
+
+
+def test_a_refused_request(homing):
+    status, out, err = homing('home', 'u')
+    assert status == 1 and err.startswith("homing: UnknownAxis: 'u' is none of")
+    status, out, err = homing('verify', 'y', '--json')
+    told = json.loads(out)
+    assert status == 1 and (told['ok'], told['error']) == (False, 'NotHomed')
+
+
+def test_continue_lets_a_paused_axis_go_on(world, homing):
+    child = OnTerminal(world, 'home', 'y', columns=100)
+    paused(world, 'y')
+    assert homing('continue') == (0, 'y: it goes on\n', '')
+
+    def over():
+        world.client.trigger('y/continue')
+        return child.process.poll() is not None
+
+    world.client.until(over, what='y to be homed')
+    assert child.wait() == 0
+    assert 'paused' in child.written and 'Homed: ' in child.written
+
+
+def test_ctrl_c_cancels_and_waits_for_rest(world, homing):
+    child = OnTerminal(world, 'home', 'y', NO_COLOR='1')
+    paused(world, 'y')
+    child.process.send_signal(signal.SIGINT)
+    assert child.wait() == 130
+    text = ' '.join(child.written.split())
+    assert 'interrupted; the axes are at rest: Canceled: axis y' in text
+    assert 'Traceback' not in text
+    assert '\x1b[3' not in text  # no colour
+    states = world.client.record_states('y')
+    world.client.until(lambda: states)
+    assert states[-1].message.state == 'Idle' and states[-1].message.error == 'Canceled'
+
+
+def test_there_is_no_such_node(homing, monkeypatch):
+    monkeypatch.setattr('homing_node.cli.live.PATIENCE', 2.0)
+    status, out, err = homing('home', 'x', node='/homing_node')
+    assert (status, out) == (2, '')
+    assert 'there is no homing node /homing_node' in err
+    assert f'there is {NODE}: homing home --node {NODE}' in err
