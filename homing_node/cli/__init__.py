@@ -34,7 +34,7 @@ STATUS = """\
 exit status:
   0  all is well
   1  {failed}
-  2  wrong arguments, a file that cannot be read, used or written, or no such node
+  2  wrong arguments, or a file that cannot be read, used or written
   130  interrupted (Ctrl-C)
 """
 
