@@ -99,19 +99,19 @@ class Machine:
 # -- by a service of the driver, with the controllers switched ------------------------------------
 
 
+SERVICE = {
+    'apply': 'service',
+    'apply_service': '/simulated_axes/x/set_position',
+    'apply_type': 'homing_interfaces/srv/SetPosition',
+    'apply_request': '{position: {position}}',
+    'apply_timeout': 0.5,
+    'switch_controllers': [CONTROLLER],
+}
+
+
 @pytest.fixture(scope='module')
 def served(tmp_path_factory):
-    machine = Machine(
-        tmp_path_factory.mktemp('served'),
-        {
-            'apply': 'service',
-            'apply_service': '/simulated_axes/x/set_position',
-            'apply_type': 'homing_interfaces/srv/SetPosition',
-            'apply_request': '{position: {position}}',
-            'apply_timeout': 0.5,
-            'switch_controllers': [CONTROLLER],
-        },
-    )
+    machine = Machine(tmp_path_factory.mktemp('served'), SERVICE)
     yield machine
     machine.close()
 
@@ -171,40 +171,65 @@ def test_a_driver_that_restarts_is_no_longer_homed(served):
     served.rests(RAW)
 
 
+def killed(machine, process, step):
+    """Home, and kill a process when the hand-over is at a step; return the request."""
+    machine.answers(answer_time=0.2)
+    client, states = machine.client, machine.states
+    count = len(states)
+    asking = client.asking_to_home('x')
+
+    def is_there():
+        refusal = asking.answer()
+        assert refusal is None, refusal.message
+        return any(f'step {step}' in heard.message.message for heard in states[count:])
+
+    client.until(is_there)
+    machine.kill(process)
+    return asking
+
+
+def assert_a_new_node_moves_nothing(machine):
+    """Start a node in place of the one that was killed: no home, and the axis rests."""
+    machine.restart_node()
+    count = len(machine.states)
+    machine.client.until(lambda: len(machine.states) > count)
+    assert not any(heard.message.homed for heard in machine.states[count:])
+    at = machine.raw[-1].message.position[0]
+    place = min((RAW, HOMED), key=lambda one: abs(one - at))  # the driver may have taken the call
+    machine.rests(place)
+    machine.activate()
+    machine.rests(place)
+
+
+def assert_it_is_told(machine, asking):
+    """The driver was killed: the answer names the hand-over, and the axis is not homed."""
+    answer = machine.client.answer(asking.last)
+    assert answer.message.startswith('HandoverFailed: axis x: step ')
+    assert not machine.state.homed
+
+
 def test_killed_in_the_hand_over(served):
     """First the homing node, then the driver with its controller manager, at `apply`."""
-    served.answers(answer_time=0.2)
-    client = served.client
-
-    def begin():
-        count = len(served.states)
-        asking = client.asking_to_home('x')
-
-        def applies():
-            refusal = asking.answer()
-            assert refusal is None, refusal.message
-            return any('step apply' in heard.message.message for heard in served.states[count:])
-
-        client.until(applies)
-        return asking
-
     served.activate()
-    begin()
-    served.kill(served.world.node)
-    served.restart_node()
-    count = len(served.states)
-    client.until(lambda: len(served.states) > count)
-    assert not any(heard.message.homed for heard in served.states[count:])
-    assert not served.active()  # nothing moves the axis, whatever its driver has made of the call
-    place = min((RAW, HOMED), key=lambda one: abs(one - served.raw[-1].message.position[0]))
-    served.rests(place)
-    served.activate()
-    served.rests(place)
-    asking = begin()
-    served.kill(served.world.plant)
-    answer = client.answer(asking.last)
-    assert answer.message.startswith('HandoverFailed: axis x: step ')
-    assert not served.state.homed
+    killed(served, served.world.node, 'apply')
+    assert not served.active()
+    assert_a_new_node_moves_nothing(served)
+    assert_it_is_told(served, killed(served, served.world.plant, 'apply'))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('step', ['deactivate', 'activate'])
+@pytest.mark.parametrize('process', ['node', 'plant'])
+def test_killed_at_other_steps(tmp_path, process, step):
+    machine = Machine(tmp_path, SERVICE)
+    try:
+        asking = killed(machine, getattr(machine.world, process), step)
+        if process == 'node':
+            assert_a_new_node_moves_nothing(machine)
+        else:
+            assert_it_is_told(machine, asking)
+    finally:
+        machine.close()
 
 
 # -- by the relay ---------------------------------------------------------------------------------

@@ -7,10 +7,14 @@ from xml.etree import ElementTree
 
 import pytest
 import ros_harness as ros
-from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.action import (
+    get_action_client_names_and_types_by_node,
+    get_action_server_names_and_types_by_node,
+)
 
 from homing_node.procedures.states import Input
 
+NODES = ('homing_node', 'homed_axes', 'simulated_axes')
 POLICY = Path(__file__).resolve().parent.parent / 'config' / 'sros2_policy.xml'
 #: Names that no process of this test has: the time is real, the interface is `trajectory`.
 ELSEWHERE = {
@@ -56,36 +60,40 @@ def used(graph, node):
         ('services', 'reply'): names(graph.get_service_names_and_types_by_node(node, '/')),
         ('services', 'request'): names(graph.get_client_names_and_types_by_node(node, '/')),
         ('actions', 'execute'): names(get_action_server_names_and_types_by_node(graph, node, '/')),
+        ('actions', 'call'): names(get_action_client_names_and_types_by_node(graph, node, '/')),
     }
 
 
 @pytest.fixture(scope='module')
 def seen(tmp_path_factory):
-    """Run a node with one axis that has every input, and the simulated axes for it."""
+    """Run a node with one axis that has every input, its simulated axes, and the relay."""
     inputs = {
         'x': {
             'switches': [str(i) for i in Input],
             'near_ls_type': 'Dec',
             'external_ls_type': 'Dec',
+            'apply': 'relay',
         }
     }
     pairs = {f'{kind}_negative_limit_switch': [-0.055, 0.0] for kind in ('near', 'external')}
     pairs |= {f'{kind}_positive_limit_switch': [0.08, 0.135] for kind in ('near', 'external')}
     plant = ros.plant_parameters({'x': {**pairs, 'touch_probe': 0.05}})
-    with ros.World(
-        tmp_path_factory.mktemp('security'), ros.node_parameters(inputs), plant
-    ) as world:
+    parameters = ros.node_parameters(inputs)
+    with ros.World(tmp_path_factory.mktemp('security'), parameters, plant) as world:
         graph = world.client.node
+        relay = {'axes': ['x'], 'x': parameters['x'], 'controllers': ['/controller']}
+        world.run('homed_axes', relay)
 
         def complete():
-            if not {'homing_node', 'simulated_axes'} <= set(graph.get_node_names()):
+            if not set(NODES) <= set(graph.get_node_names()):
                 return None
-            found = {name: used(graph, name) for name in ('homing_node', 'simulated_axes')}
+            found = {name: used(graph, name) for name in NODES}
             node, axes = found['homing_node'], found['simulated_axes']
             return (
                 node['actions', 'execute']
                 and '/homing_node/x/servo' in node['services', 'reply']
                 and '/homing_node/setpoints' in axes['topics', 'subscribe']
+                and found['homed_axes']['actions', 'call']
                 and found
             )
 
@@ -94,7 +102,7 @@ def seen(tmp_path_factory):
         yield complete()
 
 
-@pytest.mark.parametrize('node', ['homing_node', 'simulated_axes'])
+@pytest.mark.parametrize('node', NODES)
 def test_the_policy_allows_what_a_process_does(seen, node):
     for (kind, right), names in seen[node].items():
         rules = allowed().get((node, kind, right), set())
@@ -102,7 +110,7 @@ def test_the_policy_allows_what_a_process_does(seen, node):
         assert missing == set(), (kind, right)
 
 
-@pytest.mark.parametrize('node', ['homing_node', 'simulated_axes'])
+@pytest.mark.parametrize('node', NODES)
 def test_the_policy_allows_nothing_that_a_process_does_not_do(seen, node):
     ours = {key: rules for key, rules in allowed().items() if key[0] == node}
     assert ours
