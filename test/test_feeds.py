@@ -8,7 +8,7 @@ import pytest
 from core_rig import rig
 from input_rig import Clock, Graph
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Bool, Float64, Int32MultiArray, UInt16
 
 from homing_node.core.axis import Axis
@@ -469,3 +469,37 @@ def test_what_was_kept_from_before_is_no_sign_of_polling():
     cell.poll()
     (edge,) = edges
     assert edge.opening.gap == 0.0
+
+
+@pytest.mark.parametrize(
+    ('written', 'message'),
+    [
+        ('/room', Temperature(temperature=21.5)),
+        ('/room#data', Float64(data=21.5)),
+        ('/room#thermometer/position', JointState(name=['thermometer'], position=[21.5])),
+    ],
+    ids=['its own type', 'a number', 'a joint'],
+)
+def test_a_temperature_is_noted_and_no_run_needs_it(written, message):
+    cell = Cell({'x': {'topics__temperature': written}})
+    for topic in (HOME, PLUS, MINUS):
+        cell.offer(f'/homing_node/x/{topic}', 'std_msgs/msg/Bool')
+        cell.say(topic, Bool())
+    axis = cell.axes['x']
+    cell.start()  # no thermometer is there, and nobody minds
+    kind = type(message)
+    cell.offer('/room', f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}')
+    assert axis.temperature is None
+    axis.cancel()
+    while axis.running:
+        cell.poll()
+        axis.update(cell.clock.now)
+    cell.look()
+    cell.say('room', message)
+    cell.poll()
+    assert axis.temperature == 21.5
+    assert cell.conflict() is None
+    cell.graph.offered['/room'] = []
+    cell.graph.topics['room'].publishers = 0
+    cell.look()
+    assert axis.temperature is None

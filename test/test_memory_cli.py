@@ -17,7 +17,7 @@ from homing_node.parameters.units import Unit
 UM = 1e-6
 
 
-def kept(folder, homes, axis='x', **changes):
+def kept(folder, homes, axis='x', temperature=None, **changes):
     """Write the file of an axis that has found these homes."""
     runs = [
         Run(
@@ -31,6 +31,7 @@ def kept(folder, homes, axis='x', **changes):
             frame='absolute',
             configuration='c',
             quantities={HOME: (home, 2 * UM)},
+            temperature=temperature,
         )
         for number, home in enumerate(homes, 1)
     ]
@@ -58,6 +59,14 @@ def test_a_steady_axis(tmp_path, capsys):
     assert 'home is at 0.100000 m (raw), steady within 2' in out
     assert 'nothing moves' in out
     assert out.count('NoError') == 3 and '   40  20' in out
+
+
+def test_the_temperature_stands_beside_each_run(tmp_path, capsys):
+    kept(tmp_path, homes(6), temperature=21.46)
+    _, out, _ = history(capsys, 'x', '--memory', tmp_path)
+    assert out.count('21.5 °C') == 6
+    _, out, _ = history(capsys, 'x', '--memory', tmp_path, '--json')
+    assert json.loads(out)['runs'][0]['temperature'] == 21.46
 
 
 def test_a_switch_that_has_moved(tmp_path, capsys):

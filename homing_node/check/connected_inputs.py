@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from itertools import combinations
 
 from ..parameters.configuration import Configuration
-from ..parameters.connections import FEEDBACK, Connections
+from ..parameters.connections import FEEDBACK, TEMPERATURE, Connections
 from ..procedures.states import LATCHES
 from .finding import Finding, Severity
 
@@ -34,7 +34,7 @@ class ConnectedInputs:
         """Find topics and types of inputs that are not in ``switches``."""
         for kind, values in (('topics', connections.sources), ('types', connections.types)):
             for name, value in values.items():
-                if name not in switches and name != FEEDBACK:
+                if name not in (*switches, FEEDBACK, TEMPERATURE):
                     yield Finding(
                         Severity.warning,
                         axis,

@@ -123,8 +123,9 @@ def _line(run: Run, centre: float | None, unit: Unit) -> str:
     change = (
         '' if run.home is None or centre is None else unit.length(run.home - centre, sign=True)
     )
+    warm = '' if run.temperature is None else f'  {run.temperature:5.1f} °C'
     return (
-        f'{run.number:5}  {when}  {run.kind:6}  {run.duration:6.2f} s  {change:>10}  {run.error}'
+        f'{run.number:5}  {when}  {run.kind:6}  {run.duration:6.2f} s  {change:>10}{warm}  {run.error}'
         f'{" (accepted)" if run.accepted else ""}'
     )
 
@@ -148,6 +149,7 @@ def _print_json(axis: str, memory: Memory, trends: tuple[str, ...]) -> None:
                         'duration': run.duration,
                         'home_position_raw': run.home,
                         'uncertainty': run.uncertainty,
+                        'temperature': run.temperature,
                         'quantities': {name: pair[0] for name, pair in run.quantities.items()},
                     }
                     for run in memory.runs

@@ -27,6 +27,7 @@ class AxisStatus:
         home_source: where the home comes from, as long as the axis is homed: a `run`, `restored`
             from before a restart, or restored and then `verified`.
         notes: what the memory has to say of the axis, for the diagnostics.
+        temperature: the newest one, °C; None where it is not known.
         servo_on: whether this node wants the servo on.
         emergency_stop: whether the emergency stop is on.
     """
@@ -44,6 +45,7 @@ class AxisStatus:
         self.homed = False
         self.home_source = 'run'
         self.notes: tuple[str, ...] = ()
+        self.temperature: float | None = None
         self.servo_on = True
         self.emergency_stop = False
         self._sign = parameters.home_direction.sign

@@ -217,6 +217,7 @@ class Keeper:
             pitch=pitch,
             seen=tuple(seen),
             approach=approach,
+            temperature=axis.temperature,
         )
 
     def _comparable(

@@ -94,6 +94,7 @@ class Run:
             is None.
         approach: Where the search for the switch ended, raw: where a quick run goes; None if no
             switch was searched.
+        temperature: The temperature at its end, °C; None if it was not known.
         accepted: Whether the run began a new baseline, because the user has accepted its home.
     """
 
@@ -113,6 +114,7 @@ class Run:
     pitch: float = 0.0
     seen: tuple[tuple[str, bool | None, int, float, float], ...] = ()
     approach: float | None = None
+    temperature: float | None = None
     accepted: bool = False
 
     def __post_init__(self) -> None:

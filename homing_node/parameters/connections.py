@@ -20,8 +20,9 @@ TYPE_NAME = re.compile(r'(?P<package>[a-z][a-z0-9_]*)/(msg/)?(?P<name>[A-Z][A-Za
 
 #: What has a topic besides the inputs.
 FEEDBACK = 'feedback'
+TEMPERATURE = 'temperature'
 #: Everything that is received of an axis; what it is called in `topics` and `types`.
-RECEIVED: tuple[str, ...] = (*map(str, Input), FEEDBACK)
+RECEIVED: tuple[str, ...] = (*map(str, Input), FEEDBACK, TEMPERATURE)
 
 
 class Output(TextEnum):
@@ -101,9 +102,11 @@ class SourceDefinition(Definition):
                 f"{self.name}: '@' and a counter are for {' and '.join(LATCHES)}, "
                 f'{received} has no latches'
             )
-        is_number = received in LATCHES or received == FEEDBACK
-        if source.value is not None and source.value.is_level and is_number:
+        is_level = source.value is not None and source.value.is_level
+        if is_level and (received in LATCHES or received == FEEDBACK):
             raise ValueError(f'{self.name}: {source.value} is on or off, {received} is a position')
+        if is_level and received == TEMPERATURE:
+            raise ValueError(f'{self.name}: {source.value} is on or off, {received} is a number')
         return text
 
     def _check_topic(self, topic: str) -> None:
@@ -178,6 +181,13 @@ TOPIC_DEFINITIONS: Mapping[str, Definition] = table(
         'topic of the feedback (empty: joint_states), and what in its messages it is (#...)',
         str,
         name=f'topics.{FEEDBACK}',
+        default='',
+    ),
+    SourceDefinition(
+        'topic of the temperature, °C, that the memory keeps of each run (empty: none), and what '
+        'in its messages it is (#...)',
+        str,
+        name=f'topics.{TEMPERATURE}',
         default='',
     ),
 )

@@ -37,8 +37,8 @@ from ..parameters.connections import FEEDBACK
 from ..procedures.states import Input
 from . import graph, managers, message_types
 from .asking import Parameters, of_interest
-from .feeds import default_value
 from .managers import ManagerList
+from .wired_input import default_value
 
 #: The service by which a homing node is known.
 ACTION = 'homing_interfaces/action/Home_SendGoal'

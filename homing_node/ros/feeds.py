@@ -5,17 +5,16 @@ Several inputs of several axes may come from one topic. Most messages repeat wha
 before said: then each switch only notes the time.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ..core.axis import Axis
 from ..core.stamps import REORDERED, Stamps, too_late
 from ..language.cdr import Broken
-from ..language.expression import DATA, BadExpression, Lookup, Source, Value
+from ..language.expression import BadExpression
 from ..language.reader import NOT_MINE, Missing, Reader, Reading, Said
 from ..language.resolve import bind
-from ..parameters.connections import FEEDBACK
 from ..procedures.states import LATCHES, Error, FeedbackClock, Input
 from . import message_types
 from .adapting import Asked
@@ -23,71 +22,11 @@ from .joint_feedback import REORDERED_MESSAGES
 from .polling import Info, Take, taker
 from .stamp_groups import Judging, grouped
 from .timebase import TimeBase
+from .wired_input import BOOL, WiredInput, default_value
 
 #: In simulated time an edge is as old as its message's way, and the next cycle sees it: up to this
 #: many periods lie between.
 UNSTAMPED = 2.0
-
-#: The type of a topic that is named without an expression.
-BOOL, FLOAT64 = 'std_msgs/msg/Bool', 'std_msgs/msg/Float64'
-JOINT_STATE = 'sensor_msgs/msg/JointState'
-
-
-@dataclass(eq=False)
-class WiredInput:
-    """One input of an axis, or its feedback.
-
-    Attributes:
-        axis: the axis.
-        source: an `Input`, or FEEDBACK.
-        written: what the user wrote for it.
-        told: the type of its topic, as the user told it; '' where he did not.
-        topic: the full name of its topic.
-        heard: whether its present publisher has said its value, and the last message did.
-        missing: why the last message did not say it.
-        problem: why the expression does not fit the type.
-        counter: the counter of the last latch.
-    """
-
-    axis: Axis
-    source: str
-    written: Source
-    told: str
-    topic: str
-    heard: bool = False
-    missing: str = ''
-    problem: str = ''
-    counter: float | None = None
-
-    @property
-    def name(self) -> str:
-        return f'{self.source} ({self.written.at(self.topic)})'
-
-    @property
-    def is_feedback(self) -> bool:
-        return self.source == FEEDBACK
-
-    @property
-    def joint(self) -> str:
-        """The joint whose feedback it is, '' of an input."""
-        return (self.axis.parameters.joint or self.axis.name) if self.is_feedback else ''
-
-    @property
-    def is_switch(self) -> bool:
-        return not (
-            self.is_feedback or self.source in LATCHES or self.source == Input.SERVO_ENABLED
-        )
-
-    @property
-    def default_kind(self) -> str:
-        """The type of the topic as long as nobody says another; '' where any may be meant."""
-        if self.told or self.written.value is not None:
-            return self.told
-        return JOINT_STATE if self.is_feedback else FLOAT64 if self.source in LATCHES else BOOL
-
-    def lose(self, why: str = '') -> None:
-        """Forget what was heard."""
-        self.heard, self.missing, self.counter = False, why, None
 
 
 class Feed:
@@ -226,7 +165,9 @@ class Feed:
             if one.is_feedback:
                 continue  # its age ends a run
             one.lose()
-            if one.axis.moving:
+            if one.is_temperature:
+                one.axis.temperature = None
+            elif one.axis.moving:
                 one.axis.stop(Error.SwitchStale, f'{one.name} lost its publisher')
         self._reader.forget()
 
@@ -355,6 +296,8 @@ class Feed:
         axis = one.axis
         if one.is_feedback:
             axis.feedback(time, float(value), arrival, doubt)
+        elif one.is_temperature:
+            axis.temperature = float(value)
         elif one.source in LATCHES:
             axis.latch(Input(one.source), float(value))
         elif one.source == Input.SERVO_ENABLED:
@@ -369,6 +312,9 @@ class Feed:
         publishers of the topic send: its age ends a run.
         """
         one.lose(why)
+        if one.is_temperature:
+            one.axis.temperature = None
+            return
         if not one.axis.running or (one.is_feedback and (unread or self.publishers > 1)):
             return
         error = Error.FeedbackStale if one.is_feedback else Error.SwitchUnknown
@@ -393,16 +339,6 @@ def _may_repeat(one: WiredInput, value: Said, counter: Said | None) -> bool:
     if one.source in LATCHES:  # without a counter each message is a latch
         return isinstance(counter, int | float)
     return isinstance(value, int | float)
-
-
-def default_value(fields: Iterable[str], joint: str = '') -> Value:
-    """Return what is meant where the user names only a topic.
-
-    Args:
-        fields: the fields of its type.
-        joint: the joint whose feedback it is; '' for an input.
-    """
-    return Value(Lookup(joint, 'position')) if joint and 'data' not in fields else DATA
 
 
 def _nothing() -> None:

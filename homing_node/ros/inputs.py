@@ -17,18 +17,19 @@ from ..core.axis import Axis
 from ..core.outcome import Outcome
 from ..core.position_array import OtherJoint
 from ..diagnosis.facts import Endpoint
-from ..parameters.connections import FEEDBACK, Connections
+from ..parameters.connections import FEEDBACK, TEMPERATURE, Connections
 from ..parameters.definition import InvalidParameters
 from ..parameters.wiring import Place, Wiring
 from ..procedures.states import LATCHES, Error, Input
 from . import messages
 from .adapting import Asked, adapted, mismatch
-from .feeds import Feed, WiredInput
+from .feeds import Feed
 from .joint_feedback import JointFeedback
 from .message_types import message_class
 from .polling import Info, Take, taker, waiting
 from .subscriptions import qos
 from .timebase import TimeBase
+from .wired_input import WiredInput
 
 
 class Graph(Protocol):
@@ -102,8 +103,7 @@ class Inputs:
         before = {one.source: one for one in self._wired[name]}
         wanted: list[WiredInput] = []
         names: list[str] = [*axis.parameters.inputs]
-        if FEEDBACK in connections.sources:
-            names.append(FEEDBACK)
+        names += [one for one in (FEEDBACK, TEMPERATURE) if one in connections.sources]
         for source in names:
             written = connections.source(name, source)
             told = connections.types.get(source, '')
@@ -203,7 +203,7 @@ class Inputs:
                 Place(axis, Input(one.source)): one.written.at(one.topic)
                 for axis, inputs in self._wired.items()
                 for one in inputs
-                if not one.is_feedback
+                if not (one.is_feedback or one.is_temperature)
             }
         )
 
@@ -318,7 +318,7 @@ class Inputs:
                 conflict.error,
                 f'axis {name}: {conflict.seen} {topic} is published by {nodes}',
             )
-        for one in self._wired[name]:
+        for one in self._needed(name):
             feed = self._feeds[one.topic]
             count = max(feed.count(), self._graph.count(one.topic))
             if count > 1 and not one.is_feedback:
@@ -336,6 +336,10 @@ class Inputs:
                 return Outcome(Error.InvalidParameter, text)
         return None
 
+    def _needed(self, name: str) -> list[WiredInput]:
+        """Return the inputs without which an axis does not home."""
+        return [one for one in self._wired[name] if not one.is_temperature]
+
     def feedback_topic_of(self, name: str) -> str:
         """Return the full name of the topic of an axis's feedback."""
         for one in self._wired[name]:
@@ -346,7 +350,7 @@ class Inputs:
     def missing(self, name: str) -> list[Outcome]:
         """Return everything that is not there yet of an axis: publishers, levels, feedback."""
         unpublished, unheard, unsaid = [], [], []
-        for one in self._wired[name]:
+        for one in self._needed(name):
             if not self._feeds[one.topic].count():
                 unpublished.append(one.name)
             elif one.missing:
