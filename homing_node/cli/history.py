@@ -124,9 +124,10 @@ def _line(run: Run, centre: float | None, unit: Unit) -> str:
         '' if run.home is None or centre is None else unit.length(run.home - centre, sign=True)
     )
     warm = '' if run.temperature is None else f'  {run.temperature:5.1f} °C'
+    accepted = ' (accepted)' if run.accepted else ''
     return (
-        f'{run.number:5}  {when}  {run.kind:6}  {run.duration:6.2f} s  {change:>10}{warm}  {run.error}'
-        f'{" (accepted)" if run.accepted else ""}'
+        f'{run.number:5}  {when}  {run.kind:6}  {run.duration:6.2f} s  {change:>10}{warm}  '
+        f'{run.error}{accepted}'
     )
 
 
