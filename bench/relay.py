@@ -10,6 +10,7 @@ callback.
 import time
 from collections.abc import Iterator
 from functools import partial
+from itertools import pairwise
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -86,9 +87,16 @@ def listen(world: World, duration: float) -> Latency:
     direct = dict(heard[0])
     sent, relayed = ([stamp for stamp, _ in found] for found in heard)
     sent, relayed = sent[sent.index(first) :], relayed[relayed.index(first) :]
-    lost = sum(a != b for a, b in zip(sent, relayed, strict=False))
+    lost = missed(sent, relayed)
     added = [(at - direct[stamp]) * 1e-3 for stamp, at in heard[1][-len(relayed) :]]
     return Latency(nth(added, 0.5), nth(added, 0.99), max(added), lost)
+
+
+def missed(sent: list[bytes], relayed: list[bytes]) -> int:
+    """Return how many messages are missing up to the last relayed one, or come out of order."""
+    place = {stamp: number for number, stamp in enumerate(sent)}
+    places = [place[stamp] for stamp in relayed if stamp in place]
+    return places[-1] + 1 - len(set(places)) + sum(b <= a for a, b in pairwise(places))
 
 
 def figures(quick: bool = False) -> Iterator[Figure]:

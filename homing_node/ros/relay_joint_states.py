@@ -24,7 +24,8 @@ from .timebase import wake_precisely
 
 #: How often the thread looks for a message, s.
 POLL = 0.0002
-DEPTH = 100
+#: Messages that wait at most: 2 s at 500 Hz, of a machine that is busy with something else.
+DEPTH = 1000
 RELIABLE = QoSProfile(depth=DEPTH)
 BEST_EFFORT = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 
