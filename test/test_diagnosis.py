@@ -430,6 +430,18 @@ CASES = {
         'no-publisher',
         'home_switch (/io/home)',
     ),
+    'an expression that does not fit its messages': (
+        facts(inputs=switch(expression='data[9]', problem='data is a Bool, and has no elements')),
+        error,
+        'expression',
+        '/io/home#data[9]: data is a Bool, and has no elements',
+    ),
+    'a message that does not say a switch': (
+        facts(inputs=switch(expression='EL1008/d_input.3', missing='no element has EL1008')),
+        error,
+        'value-missing',
+        '/io/home#EL1008/d_input.3: no element has EL1008',
+    ),
     'two publishers of a switch': (
         facts(inputs=switch(1.0, publishers=(DRIVER, Endpoint('/plc')))),
         error,
