@@ -111,6 +111,19 @@ def test_axis_state(axis):
     assert message.position == 0.375
     assert (message.home_position_raw, message.home_offset) == (0.25, 0.125)
     assert message.uncertainty == 0.001
+    assert (message.command, message.following_error) == (0.5, 0.0)
+
+
+def test_axis_state_has_the_levels_of_the_inputs(axis):
+    axis.switch(Input.HOME_SWITCH, 1.0, True)
+    axis.switch(Input.POSITIVE_LIMIT_SWITCH, 1.0, False)
+    message = messages.axis_state(0, axis)
+    assert dict(zip(message.inputs, message.levels, strict=True)) == {
+        'home_switch': AxisState.LEVEL_ON,
+        'positive_limit_switch': AxisState.LEVEL_OFF,
+        'negative_limit_switch': AxisState.LEVEL_UNKNOWN,
+    }
+    assert message.inputs == list(axis.parameters.switches)
 
 
 def test_diagnostics(axis):

@@ -2,12 +2,13 @@
 """What is published of an axis, read from its inputs, its run and its last outcome."""
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import Error, State
+from ..procedures.states import Error, Input, State
 from .handover import Handover
 from .history import History
 from .machine import Machine
 from .outcome import Outcome
 from .readings import Readings
+from .travel import LATEST
 
 
 class AxisStatus:
@@ -115,6 +116,33 @@ class AxisStatus:
     @property
     def raw_position(self) -> float:
         return self._sign * self.readings.track.position
+
+    @property
+    def command(self) -> float:
+        """The present setpoint of the run, raw; without a run the raw position."""
+        if self.machine is None:
+            return self.raw_position
+        return self.readings.wrapped(self._sign * self.machine.profile.present)
+
+    @property
+    def following_error(self) -> float:
+        """The setpoint for the time of the newest feedback less that feedback, raw; 0 at rest."""
+        machine, track = self.machine, self.readings.track
+        if machine is None:
+            return 0.0
+        profile = machine.profile
+        age = min(max(0.0, machine.now - track.time), LATEST)
+        return self._sign * (profile.commanded(age + profile.period) - track.position)
+
+    @property
+    def levels(self) -> list[tuple[Input, bool | None]]:
+        """Each wired input and its level after polarity; None: not known, or it is a latch."""
+        readings, found = self.readings, []
+        for one in self.parameters.inputs:
+            switch = readings.switches.get(one)
+            level = None if switch is None else switch.level
+            found.append((one, readings.servo_enabled if one is Input.SERVO_ENABLED else level))
+        return found
 
     @property
     def home_position_raw(self) -> float:

@@ -73,6 +73,13 @@ def constant_of(name: str) -> str:
 ERROR_CODES = {error: getattr(AxisState, constant_of(error.value)) for error in Error}
 STATE_CODES = {state: getattr(AxisState, f'STATE_{constant_of(state.value)}') for state in State}
 
+#: The numbers of levels; None: not known.
+LEVELS = {
+    False: AxisState.LEVEL_OFF,
+    True: AxisState.LEVEL_ON,
+    None: AxisState.LEVEL_UNKNOWN,
+}
+
 
 def to_stamp(nanoseconds: int) -> Time:
     return Time(sec=nanoseconds // NS, nanosec=nanoseconds % NS)
@@ -153,7 +160,7 @@ def cancel_message(moving: Sequence[str], waiting: Sequence[str]) -> str:
 
 def axis_state(stamp: int, axis: Axis) -> AxisState:
     """Return the state of an axis; while it stops after an error, with that error already."""
-    outcome = axis.outcome
+    outcome, levels = axis.outcome, axis.levels
     message = AxisState(
         axis=axis.name,
         state=str(axis.state),
@@ -168,6 +175,10 @@ def axis_state(stamp: int, axis: Axis) -> AxisState:
         home_position_raw=float(axis.home_position_raw),
         uncertainty=float(outcome.uncertainty),
         home_source=axis.home_source if axis.homed else 'none',
+        command=float(axis.command),
+        following_error=float(axis.following_error),
+        inputs=[str(one) for one, _ in levels],
+        levels=[LEVELS[level] for _, level in levels],
     )
     message.header.stamp = to_stamp(stamp)
     return message
