@@ -16,6 +16,7 @@ NAMES = (
     'reaction',
     'start',
     'relay',
+    'watch',
 )
 
 

@@ -41,8 +41,6 @@ ALIVE_PERIOD = 1.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: A node that sends no feedback about a goal for so long is silent, s; it sends some at 10 Hz.
 SILENCE = 5.0
-#: The service by which a homing node, or a coordinator, is known, and how its name ends.
-ACTION, SEND_GOAL = 'homing_interfaces/action/Home_SendGoal', '/home/_action/send_goal'
 
 
 @dataclass(frozen=True)
@@ -202,8 +200,7 @@ class HomingClient:
 
     def others(self) -> list[str]:
         """Return the full names of all homing nodes and coordinators that are in reach now."""
-        names = graph.services_of_type(self.node, ACTION)
-        return [name.removesuffix(SEND_GOAL) for name in names if name.endswith(SEND_GOAL)]
+        return graph.homing_nodes(self.node)
 
     def wait_for_node(self) -> bool:
         """Wait until the node is in reach; return whether it is."""

@@ -49,7 +49,7 @@ PURE_LIBRARY = {
 #: The rooms that know ROS.
 ROS_ROOMS = ['ros', 'client']
 #: What of the command needs ROS: it is imported when a verb runs, so that the others need none.
-ROS_VERBS = {'cli/doctor.py', 'cli/live.py'}
+ROS_VERBS = {'cli/doctor.py', 'cli/live.py', 'cli/watch.py'}
 #: What the node never needs.
 TOOLS = {'rehearsal', 'convert', 'figures', 'cli', 'client', 'course'}
 ROS = {

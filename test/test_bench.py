@@ -20,6 +20,7 @@ FIGURES = {
     'reaction': 'reaction at 250 Hz',
     'start': '32 axes',
     'relay': 'added latency p99',
+    'watch': '32 axes, 200 inputs at 10 Hz',
     'accuracy': 'errors that the uncertainty covers',
 }
 

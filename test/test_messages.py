@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages and descriptors."""
 
+from types import SimpleNamespace
+
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from homing_interfaces.msg import AxisState
@@ -11,8 +13,10 @@ from homing_node.core.axis import Axis
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import axis_parameters
 from homing_node.parameters.configuration import AXIS_DEFINITIONS, NODE_DEFINITIONS
+from homing_node.parameters.wiring import Place, Wiring
 from homing_node.procedures.states import Error, Input, State
 from homing_node.ros import messages
+from homing_node.ros.input_status import InputStatus
 
 
 @pytest.fixture
@@ -158,3 +162,17 @@ def test_the_first_failure_is_no_cancellation():
     assert messages.first_failure({'y': canceled, 'x': failed}) is failed
     assert messages.first_failure({'y': canceled}) is canceled
     assert messages.first_failure({'x': Outcome(Error.NoError)}) is None
+
+
+def test_the_diagnostics_say_what_comes_from_each_input(axis):
+    clock = SimpleNamespace(now=2.0)
+    wiring = Wiring({Place(axis.name, Input.HOME_SWITCH): '/io/din3#data'})
+    status = InputStatus(lambda: wiring, clock)
+    for time in (1.0, 1.02, 1.04, 1.06):
+        axis.switch(Input.HOME_SWITCH, time, True)
+    axis.switch(Input.POSITIVE_LIMIT_SWITCH, 1.5, False)
+    (found,) = messages.diagnostics(0, '/homing_node', [axis], status.of).status
+    values = {one.key: one.value for one in found.values}
+    assert values['home_switch'] == 'on, 0.940 s, 50 Hz, /io/din3#data'
+    assert values['positive_limit_switch'] == 'off, 0.500 s, on change, -'
+    assert values['negative_limit_switch'] == 'unknown, -, -, -'

@@ -15,6 +15,7 @@ import ros_harness as ros
 from homing_node.cli import main
 
 NODE = '/cell/homing_node'
+COMMAND = 'import sys; from homing_node.cli import main; sys.exit(main())'
 REMAPPED = ['-r', '__ns:=/cell']
 
 
@@ -52,14 +53,13 @@ class OnTerminal:
 
     def __init__(self, world, *arguments, columns=40, **environment):
         lead, follow = pty.openpty()
-        code = 'import sys; from homing_node.cli import main; sys.exit(main())'
         variables = {
             'TERM': 'xterm-256color',
             'COLUMNS': str(columns),
             'ROS_DOMAIN_ID': str(world.domain.number),
         }
         self.process = subprocess.Popen(
-            [sys.executable, '-c', code, *arguments, '--node', NODE],
+            [sys.executable, '-c', COMMAND, *arguments, '--node', NODE],
             stdout=follow,
             stderr=follow,
             env={**os.environ, **variables, **environment},
@@ -143,6 +143,28 @@ def test_ctrl_c_cancels_and_waits_for_rest(world, homing):
     states = world.client.record_states('y')
     world.client.until(lambda: states)
     assert states[-1].message.state == 'Idle' and states[-1].message.error == 'Canceled'
+
+
+def test_watch(world, homing, monkeypatch):
+    status, out, _ = homing('watch', '--once', '--json')
+    told = json.loads(out)
+    assert status == 0 and set(told['axes']) == {'x', 'y'}
+    home = told['axes']['x']['inputs']['home_switch']
+    assert home['source'] == f'{NODE}/x/home_switch' and home['rate'] == 'on change'
+    piped = subprocess.Popen(
+        [sys.executable, '-c', COMMAND, 'watch', 'x', '--node', NODE],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    first = [piped.stdout.readline()]
+    world.client.home('x')
+    while 'homed' not in first[-1] or ' s  x: ' not in first[-1]:
+        first.append(piped.stdout.readline())
+    piped.send_signal(signal.SIGINT)
+    _, err = piped.communicate(timeout=ros.PATIENCE)
+    assert (piped.returncode, err) == (130, 'homing: interrupted\n')
+    assert any(' s  x: SecondHSSearch' in line for line in first)
 
 
 def test_there_is_no_such_node(homing, monkeypatch):

@@ -11,11 +11,12 @@ from types import SimpleNamespace
 
 import pytest
 from core_rig import rig
+from homing_interfaces.msg import AxisState
 
 from homing_node.core.axis import Axis
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.connections import Output
-from homing_node.procedures.states import Error
+from homing_node.procedures.states import Error, Input
 from homing_node.ros import reports
 from homing_node.ros.reports import LINGER, STATES_AT_ONCE, Publishers, Reports
 
@@ -266,3 +267,16 @@ def test_what_is_afterwards_comes_though_publishing_breaks():
     assert given == ['second']
     watched.reports.afterwards(given.append, 'third')
     assert given == ['second', 'third']
+
+
+def test_a_new_level_of_an_axis_at_rest_is_told_at_once(monkeypatch):
+    watched = Watched(2)
+    for axis in watched.axes.values():
+        end(axis, Outcome(Error.NoError))
+    resting = watched.axes['a1']
+    resting.switch(Input.HOME_SWITCH, 1.0, True)
+    watched.reports._changed_levels()
+    watched.reports._changed_levels()
+    (told,) = [watched.reports._queue.get_nowait()[1]]
+    assert watched.reports._queue.empty()
+    assert dict(zip(told.inputs, told.levels, strict=True))['home_switch'] == AxisState.LEVEL_ON

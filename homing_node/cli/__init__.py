@@ -27,6 +27,7 @@ from . import (
     run,
     types,
     verify,
+    watch,
 )
 from .common import INTERRUPTED, OK, USAGE, Failure
 
@@ -43,6 +44,7 @@ Checks, rehearses, draws and runs the homing of machine axes.
 
 At the machine, with a homing_node that runs (these need ROS; * moves axes):
   homing doctor                                    look at the running system, reading only
+  homing watch                                     a live table of axes and inputs
   homing home x y                                * home axes, and see how far they have come
   homing verify x                                * does the home still hold?
   homing cancel                                    stop, and wait until the axes are at rest
@@ -64,6 +66,7 @@ At the desk:
 
 COMMANDS = {
     'doctor': doctor,
+    'watch': watch,
     'home': home,
     'verify': verify,
     'cancel': cancel,

@@ -40,8 +40,6 @@ from .asking import Parameters, of_interest
 from .managers import ManagerList
 from .wired_input import default_value
 
-#: The service by which a homing node is known.
-ACTION = 'homing_interfaces/action/Home_SendGoal'
 #: How long an answer may take, s.
 PATIENCE = 2.0
 #: Whatever a publisher offers, this hears what is published from now on.
@@ -201,12 +199,7 @@ class Doctor:
         return self.target in self._homing_nodes() and self.target in self._names()
 
     def _homing_nodes(self) -> list[str]:
-        ending = '/home/_action/send_goal'
-        return [
-            name.removesuffix(ending)
-            for name in graph.services_of_type(self._node, ACTION)
-            if name.endswith(ending)
-        ]
+        return graph.homing_nodes(self._node)
 
     def _parameters(self, node: str, wanted: Callable[[str], bool]) -> dict[str, Any] | None:
         reading = Parameters(self._node, node, wanted, PATIENCE)

@@ -8,6 +8,8 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from ..diagnosis.facts import Endpoint
 
+#: The service by which a homing node, or a coordinator, is known, and how its name ends.
+ACTION, SEND_GOAL = 'homing_interfaces/action/Home_SendGoal', '/home/_action/send_goal'
 #: The message type of the setpoints, for each value of `setpoint_interface`.
 SETPOINT_TYPES = {
     'trajectory': 'trajectory_msgs/msg/JointTrajectory',
@@ -46,6 +48,12 @@ def subscriptions(node: Node, topic: str) -> tuple[Endpoint, ...]:
 def services_of_type(node: Node, kind: str) -> list[str]:
     """Return the names of all services of a type, such as ``std_srvs/srv/Trigger``."""
     return sorted(name for name, kinds in node.get_service_names_and_types() if kind in kinds)
+
+
+def homing_nodes(node: Node) -> list[str]:
+    """Return the full names of all homing nodes and coordinators that are in reach now."""
+    names = services_of_type(node, ACTION)
+    return [name.removesuffix(SEND_GOAL) for name in names if name.endswith(SEND_GOAL)]
 
 
 def expand(topic: str, node: str) -> str:

@@ -6,7 +6,7 @@ Scalars are cast to their field's type: a wrong type is not noticed when a messa
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -194,14 +194,26 @@ def feedback(stamp: int, axes: Sequence[Axis]) -> Home.Feedback:
     return message
 
 
-def diagnostics(stamp: int, node: str, axes: Iterable[Axis]) -> DiagnosticArray:
-    """Return level, state, last outcome and history of every axis; ``node``: its full name."""
-    message = DiagnosticArray(status=[_diagnostic(node, axis) for axis in axes])
+def diagnostics(
+    stamp: int,
+    node: str,
+    axes: Iterable[Axis],
+    inputs_of: Callable[[Axis], Mapping[str, str]] = lambda axis: {},
+) -> DiagnosticArray:
+    """Return level, state, last outcome, inputs and history of every axis.
+
+    Args:
+        stamp: The ROS time, ns.
+        node: The full name of the node.
+        axes: The axes.
+        inputs_of: Returns what to say of each input of an axis.
+    """
+    message = DiagnosticArray(status=[_diagnostic(node, axis, inputs_of(axis)) for axis in axes])
     message.header.stamp = to_stamp(stamp)
     return message
 
 
-def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
+def _diagnostic(node: str, axis: Axis, inputs: Mapping[str, str]) -> DiagnosticStatus:
     outcome = axis.outcome
     level, text = DiagnosticStatus.OK, 'homed' if axis.homed else str(axis.state)
     if outcome.error is not Error.NoError:
@@ -226,6 +238,7 @@ def _diagnostic(node: str, axis: Axis) -> DiagnosticStatus:
         'home_range': history.range,
         'home_deviation': history.deviation,
         'memory': '; '.join(axis.notes),
+        **inputs,
     }
     return DiagnosticStatus(
         level=level,

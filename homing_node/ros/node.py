@@ -34,6 +34,7 @@ from .controllers import Controllers
 from .cycle import Cycle, late_cycle
 from .guarded_axis import GuardedAxis
 from .handovers import Handovers
+from .input_status import InputStatus
 from .inputs import Inputs
 from .joint_order import JointOrder
 from .memory import Memories
@@ -205,6 +206,7 @@ class HomingNode(ConfiguredNode):
             self._lock,
             self.get_fully_qualified_name(),
             self.get_logger(),
+            InputStatus(lambda: self._shared_signals.wiring, self._timebase).of,
         )
 
     def _create_services(self, group: CallbackGroup) -> None:

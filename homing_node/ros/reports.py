@@ -24,6 +24,8 @@ from . import messages
 STATE_PERIOD = 0.1
 #: Period of each axis's state while it rests, s.
 REST_PERIOD = 1.0
+#: How often it is asked whether an input of an axis at rest has a new level, s.
+LEVELS_PERIOD = 0.1
 #: More states than these do not leave at once, so that the cycle never waits long for the lock.
 STATES_AT_ONCE = 8
 #: Periods of the homed joint states and of the diagnostics, s.
@@ -72,7 +74,7 @@ class Reports:
     """Publishes every change of an axis, and what is due by time; logs how each run ended.
 
     ``stamp`` returns the ROS time in ns; ``lock`` guards the axes; ``node_name`` is the fully
-    qualified one.
+    qualified one; ``inputs_of`` returns what the diagnostics say of each input of an axis.
     """
 
     def __init__(
@@ -84,12 +86,15 @@ class Reports:
         lock: threading.Lock,
         node_name: str,
         logger: Any,
+        inputs_of: Callable[[Axis], Mapping[str, str]] = lambda axis: {},
     ) -> None:
         self._axes, self._joints = axes, joints
         self._to = publishers
         self._stamp, self._lock, self._node_name, self._logger = stamp, lock, node_name, logger
         # No SimpleQueue: until Python 3.13 a short wait for nothing may never end there.
         self._queue: Queue[Report | Afterwards] = Queue()
+        self._inputs_of = inputs_of
+        self._levels = {name: axis.levels for name, axis in axes.items()}
         self._last = {name: LastReport() for name in axes}
         self._turns = {True: 0, False: 0}  # the next of the running axes, and of the others
         self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
@@ -148,6 +153,7 @@ class Reports:
             (
                 self._next_states,
                 self._next_at_rest,
+                self._changed_levels,
                 self._feedback,
                 self._joint_states,
                 self._diagnostics,
@@ -217,6 +223,18 @@ class Reports:
     def _next_at_rest(self) -> float:
         return self._take_turns(running=False, period=REST_PERIOD)
 
+    def _changed_levels(self) -> float:
+        """Queue the states of the axes at rest that have an input with a new level."""
+        for name, axis in self._axes.items():
+            levels = axis.levels
+            if levels != self._levels[name]:
+                self._levels[name] = levels
+                if not axis.running:
+                    self._queue.put(
+                        (self._to.states[name].publish, messages.axis_state(self._stamp(), axis))
+                    )
+        return LEVELS_PERIOD
+
     def _take_turns(self, running: bool, period: float) -> float:
         """Queue the states of a few axes that home, or that do not; each has its turn."""
         axes = [axis for axis in self._axes.values() if axis.running is running]
@@ -251,7 +269,9 @@ class Reports:
         self._queue.put(
             (
                 self._to.diagnostics.publish,
-                messages.diagnostics(self._stamp(), self._node_name, self._axes.values()),
+                messages.diagnostics(
+                    self._stamp(), self._node_name, self._axes.values(), self._inputs_of
+                ),
             )
         )
         return DIAGNOSTICS_PERIOD
