@@ -153,7 +153,7 @@ class Silent:
 @pytest.mark.parametrize(
     ('there', 'said'),
     [
-        (['/homing_node'], '/homing_node has been silent for 60 s, though it is still listed'),
+        (['/homing_node'], '/homing_node has been silent for \\d+ s, though it is still listed'),
         ([], '/homing_node has ended, or is out of reach'),
     ],
 )
@@ -165,7 +165,7 @@ def test_a_node_that_says_nothing_any_more(monkeypatch, capsys, there, said, opt
     monkeypatch.setattr(watch, 'POLL_PERIOD', 0.0)
     assert main(['watch', *options]) == 1
     out, err = capsys.readouterr()
-    assert err == f'homing: {said}\n'
+    assert re.fullmatch(f'homing: {said}\n', err)
     if options:
         assert json.loads(out)['axes']['x']['inputs']['home_switch']['level'] == 'off'
 
