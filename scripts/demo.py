@@ -44,7 +44,7 @@ from homing_node.core.axis import Outcome  # noqa: E402
 from homing_node.course import Course, Sample  # noqa: E402
 from homing_node.figures import plot  # noqa: E402
 from homing_node.figures.palette import state_colour  # noqa: E402
-from homing_node.plant.layout import layouts_from  # noqa: E402
+from homing_node.plant.layout_reader import layouts_from  # noqa: E402
 from homing_node.procedures.states import Error, State  # noqa: E402
 
 console = Console(highlight=False)

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 
 from homing_node.course import Course, Happening
 from homing_node.parameters.axis import AxisParameters, axis_parameters
+from homing_node.plant.carriage import _Switch
 from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
-from homing_node.plant.simulated_axis import _Switch
 from homing_node.procedures.states import Error, HomeType, Input, LimitPair, State
 from homing_node.procedures.tables import PROCEDURES
 from homing_node.rehearsal.run import DIRECT, Rehearsal, Transport

@@ -373,6 +373,33 @@ def test_the_switches_of_simulated_axes_are_read_at_the_rate_of_their_axis():
         settings_from({**axes, 'switch_rate': 50, 'switch_heartbeat': 1.0})
 
 
+def test_a_simulated_gantry():
+    given = {
+        'axes': ['x', 'y'],
+        'x.hard_stops': [0.0, 0.2],
+        'y.hard_stops': [0.0, 0.2],
+        'y.joint': 'y1_joint',
+        'y.followers': ['y2', 'y3'],
+        'y.y2.stiffness': 1e6,
+        'y.y2.joint': 'y2_joint',
+        'y.y3.stiffness': 1e5,
+        'y.y3.switch_rate': 0.0,
+        'switch_rate': 50.0,
+    }
+    found = settings_from(given)
+    assert list(found.layouts) == ['x', 'y']
+    assert list(found.sides) == ['x', 'y', 'y.y2', 'y.y3']
+    assert found.joints == ['x', 'y1_joint', 'y2_joint', 'y3']
+    assert [one.switch_rate for one in found.sides.values()] == [50.0, 50.0, 50.0, 0.0]
+    with pytest.raises(InvalidParameters) as caught:
+        settings_from({**given, 'y.y2.joint': 'x', 'y.y4.lag': 0.1, 'y.y3.stiffness': -1.0})
+    assert caught.value.faults == (
+        'joint: two axes have the same joint: x, y1_joint, x, y3',
+        "y.y4: 'y4' is none of the followers of y: add it to y.followers, or delete its keys",
+        'y.y3.stiffness: -1.0 N/m must be >= 0 and <= 1e+12 N/m',
+    )
+
+
 @pytest.mark.parametrize('axes', [None, [], ['x', 'x'], [1], ['2x'], 'x'])
 def test_the_simulated_axes_need_names(axes):
     with pytest.raises(InvalidParameters, match='axes: '):

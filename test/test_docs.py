@@ -271,7 +271,7 @@ def test_every_state_is_explained():
 def test_every_setting_of_the_simulated_axes_is_explained():
     named = names_in(rows_of(ROS_INTERFACE, 'parameter', 'default', 'meaning'))
     settings = {field.name for field in dataclasses.fields(Settings)} - {'layouts', 'joints'}
-    assert set(named) == settings | {'axes', '<axis>.joint', '<axis>.…'}
+    assert set(named) == settings | {'axes', '<axis>.joint', '<axis>.…', '<axis>.<follower>.…'}
 
 
 def test_every_limit_switch_type_is_explained():

@@ -112,6 +112,164 @@ def test_faults_name_the_file_the_line_and_the_value(tmp_path, text, said):
         read(tmp_path, text)
 
 
+GANTRY = """
+y:
+  followers: ['y2']
+  hard_stops: [-0.01, 0.21]
+  home_switch: [0.15, 0.16]
+  home_switch_hysteresis: 0.0001
+  negative_limit_switch: [null, 0.0]
+  inverted: [negative_limit_switch]
+  index_pitch: 0.01
+  index_offset: 0.0037
+  start: 0.1
+  lag: 0.005
+y.y2:
+  stiffness: 1e6
+"""
+
+
+def test_a_follower_has_what_the_leader_has(tmp_path):
+    layout = read(tmp_path, GANTRY).layouts['y']
+    assert list(layout.followers) == ['y.y2']
+    follower = layout.followers['y.y2']
+    assert follower == layout._replace(followers={}, stiffness=1e6)
+    assert (layout.mass, layout.delay, layout.stiffness) == (50.0, 0.0, 0.0)
+
+
+def test_what_is_a_followers_own(tmp_path):
+    own = """
+  home_switch: [0.1503, 0.1603]
+  inverted: []
+  negative_limit_switch: null
+  positive_limit_switch: [0.19, null]
+  positive_limit_switch_hysteresis: 0.0002
+  index_offset: null
+  start: 0.101
+  lag: 0.01
+  delay: 0.05
+  mass: 80
+"""
+    follower = read(tmp_path, GANTRY + own).layouts['y'].followers['y.y2']
+    assert follower.switches == {
+        'home_switch': SwitchLayout(0.1503, 0.1603, 0.0001),
+        'positive_limit_switch': SwitchLayout(0.19, inf, 0.0002),
+    }
+    assert follower.index_pitch == 0.01 and isnan(follower.index_offset)
+    assert (follower.start, follower.lag, follower.delay, follower.mass) == (
+        0.101,
+        0.01,
+        0.05,
+        80.0,
+    )
+
+
+def test_a_followers_encoder_begins_elsewhere(tmp_path):
+    text = GANTRY + '  square_at: 0.02\n'
+    follower = read(tmp_path, text).layouts['y'].followers['y.y2']
+    assert follower.hard_stops == pytest.approx((0.01, 0.23))
+    assert follower.switches['home_switch'][:2] == pytest.approx((0.17, 0.18))
+    assert (follower.start, follower.index_offset) == pytest.approx((0.12, 0.0237))
+
+
+def test_a_mirrored_follower(tmp_path):
+    text = GANTRY + '  square_at: 0.02\n  mirrored: true\n'
+    follower = read(tmp_path, text).layouts['y'].followers['y.y2']
+    assert follower.hard_stops == pytest.approx((-0.23, -0.01))
+    assert follower.switches['home_switch'][:2] == pytest.approx((-0.18, -0.17))
+    assert follower.switches['positive_limit_switch'] == SwitchLayout(-0.02, inf, inverted=True)
+    assert 'negative_limit_switch' not in follower.switches
+    assert follower.start == pytest.approx(-0.12)
+    assert (follower.mirrored, follower.square_at) == (True, 0.02)
+
+
+def test_all_forms_of_a_gantry_are_one(tmp_path):
+    plain = read(tmp_path, GANTRY).layouts
+    nested = GANTRY.replace('y.y2:\n  stiffness: 1e6', '  y2: {stiffness: 1e6}')
+    assert read(tmp_path, nested).layouts == plain
+    lines = ''.join(f'    {line}\n' for line in GANTRY.splitlines())
+    assert read(tmp_path, f'/**:\n  ros__parameters:\n{lines}').layouts == plain
+    dotted = lines.replace('y.y2:\n      stiffness', 'y.y2.joint: y2_joint\n    y.y2.stiffness')
+    assert read(tmp_path, f'/**:\n  ros__parameters:\n{dotted}').layouts == plain
+
+
+@pytest.mark.parametrize(
+    'change, said',
+    [
+        (
+            ('  stiffness: 1e6', '  lag: 0.0'),
+            'layout.yaml:13: y.y2.stiffness: required, but not set (stiffness of the spring '
+            'between it and the leader (0: nothing joins them), N/m)',
+        ),
+        (
+            ('y.y2:\n  stiffness: 1e6\n', ''),
+            'layout.yaml:2: y.y2.stiffness: required, but not set (stiffness of the spring '
+            'between it and the leader (0: nothing joins them), N/m)',
+        ),
+        (('stiffness: 1e6', 'stiffness: -1'), 'layout.yaml:14: y.y2.stiffness: -1.0 N/m must be'),
+        (
+            ("followers: ['y2']", 'stop_dec: 1.0'),
+            "layout.yaml:13: y.y2: 'y2' is none of the followers of y: add it to y.followers, or "
+            'delete its keys',
+        ),
+        (
+            ("['y2']", "['y2', 'y2']"),
+            'layout.yaml:3: y.followers: a name stands twice in y2, y2',
+        ),
+        (
+            ("['y2']", "['y2', '3']"),
+            "layout.yaml:3: y.followers: '3' is not a name: a letter, then letters, digits and _",
+        ),
+        (("['y2']", "['y2', lag]"), "layout.yaml:3: y.followers: 'lag' is a key of a layout"),
+        (("['y2']", 'y2'), "layout.yaml:3: y.followers: 'y2' is not a list of strings"),
+        (
+            ('1e6', '1e6\n  followers: [y3]'),
+            'layout.yaml:15: y.y2.followers: no such parameter',
+        ),
+        (
+            ("  followers: ['y2']", '  stiffness: 1e6'),
+            'layout.yaml:3: y.stiffness: no such parameter',
+        ),
+        (
+            ('1e6', '1e6\n  start: 0.5'),
+            'layout.yaml:15: y.y2.start: 0.5 m or rad must be within hard_stops, [-0.01, 0.21]',
+        ),
+        (
+            ('1e6', '1e6\n  square_at: far'),
+            "layout.yaml:15: y.y2.square_at: 'far' is not a number (m or rad)",
+        ),
+        (
+            ('1e6', '1e6\n  mirrored: 1'),
+            'layout.yaml:15: y.y2.mirrored: 1 is not true or false',
+        ),
+        (
+            ('1e6', '1e6\n  inverted: [home_switch]\n  home_switch: null'),
+            'layout.yaml:15: y.y2.inverted: home_switch is not given',
+        ),
+        (
+            ('1e6', '1e6\n  positive_limit_switch_hysteresis: 0.0'),
+            'layout.yaml:15: y.y2.positive_limit_switch_hysteresis: positive_limit_switch is not '
+            'given',
+        ),
+        (
+            ('1e6', '1e6\n  hard_stops: [0.0, 0.0]'),
+            'layout.yaml:15: y.y2.hard_stops: both are 0.0 m or rad, which leaves no travel',
+        ),
+        (('1e6', '1e6\n  mass: 0'), 'layout.yaml:15: y.y2.mass: 0.0 kg must be'),
+        (
+            ('1e6', '1e6\nx: {delay: 0.05}'),
+            'layout.yaml:15: x.delay: 0.05 has no effect: x has no followers',
+        ),
+    ],
+)
+def test_faults_of_a_gantry(tmp_path, change, said):
+    text = GANTRY.replace(*change)
+    assert text != GANTRY
+    with pytest.raises(InvalidLayout) as caught:
+        read(tmp_path, text)
+    assert any(said in fault for fault in caught.value.faults), caught.value
+
+
 def test_all_faults_at_once(tmp_path):
     with pytest.raises(InvalidLayout) as caught:
         read(tmp_path, 'x:\n  lag: a\n  start: b\ny:\n  lagg: 1\n')

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from homing_node.course import Happening
 from homing_node.parameters.definition import InvalidParameters
-from homing_node.plant.layout import SWITCHES, AxisLayout, SwitchLayout, layouts_from, mirrored
+from homing_node.plant.layout import SWITCHES, AxisLayout, SwitchLayout, mirrored
+from homing_node.plant.layout_reader import layouts_from
 from homing_node.plant.simulated_axis import SimulatedAxis
 
 HOME = 'home_switch'

@@ -5,9 +5,10 @@ Positions are raw positions in m (linear axis) or rad (rotary axis), times in s.
 """
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from ..parameters.definition import Definition, Interval, InvalidParameters, read, table
+from ..parameters.definition import Definition, Interval, table
 from ..procedures.states import LIMIT_PAIRS, LIMIT_SWITCHES, Input
 
 #: The inputs that are levels, in the order in which happenings at one position are reported.
@@ -15,6 +16,9 @@ SWITCHES: tuple[str, ...] = tuple(i.value for i in (Input.HOME_SWITCH, *LIMIT_SW
 
 #: Deceleration of a drive that hears no setpoint, in m/s² or rad/s², where its layout has none.
 STOP_DEC = 1.0
+
+#: What one side of a gantry moves, kg, where its layout does not say.
+MASS = 50.0
 
 #: Positions and distances on an axis, m or rad.
 FURTHEST = 1e6
@@ -48,6 +52,12 @@ class AxisLayout(NamedTuple):
 
     `switch_rate` in Hz: how often the driver reads and publishes the switches; 0: it publishes
     them on change, None: not known.
+
+    `followers` has the other sides of a gantry, by their full names (``y.y2``), each with the
+    positions of its own encoder. A spring of `stiffness` (N/m) joins a follower and the leader; it
+    has no force where the follower's raw position is the leader's plus `square_at`. A `mirrored`
+    follower counts the other way round: there its position is minus that. `mass` in kg is what
+    one side moves; its command acts `delay` s later than those of other axes.
     """
 
     hard_stops: tuple[float, float]
@@ -60,11 +70,34 @@ class AxisLayout(NamedTuple):
     command_timeout: float = 0.0
     stop_dec: float = STOP_DEC
     switch_rate: float | None = None
+    followers: 'Mapping[str, AxisLayout]' = MappingProxyType({})
+    mass: float = MASS
+    delay: float = 0.0
+    stiffness: float = 0.0
+    square_at: float = 0.0
+    mirrored: bool = False
 
     @property
     def switch_period(self) -> float:
         """How long the driver of the switches takes at most to see an edge, s."""
         return 1.0 / self.switch_rate if self.switch_rate else 0.0
+
+
+def sides_of(layouts: Mapping[str, AxisLayout]) -> dict[str, AxisLayout]:
+    """Return the layout of each axis, and after it those of its followers, by full names."""
+    return {
+        name: side
+        for axis, layout in layouts.items()
+        for name, side in ({axis: layout} | dict(layout.followers)).items()
+    }
+
+
+def with_switch_rate(layout: AxisLayout, rate: float | None) -> AxisLayout:
+    """Return the layout with a rate for the switches of each side that has none of its own."""
+    return layout._replace(
+        switch_rate=rate if layout.switch_rate is None else layout.switch_rate,
+        followers={name: with_switch_rate(one, rate) for name, one in layout.followers.items()},
+    )
 
 
 def mirrored(layout: AxisLayout) -> AxisLayout:
@@ -79,10 +112,28 @@ def mirrored(layout: AxisLayout) -> AxisLayout:
         index_offset=-layout.index_offset,
         touch_probe=None if layout.touch_probe is None else -layout.touch_probe,
         start=-layout.start,
+        square_at=-layout.square_at,
+        followers={name: mirrored(each) for name, each in layout.followers.items()},
     )
 
 
-def _length(name: str, text: str, default: Any, minimum: float = -FURTHEST) -> Definition:
+def shifted(layout: AxisLayout, by: float) -> AxisLayout:
+    """Return the layout of an axis whose encoder shows all positions higher by a distance."""
+    low, high = layout.hard_stops
+    return layout._replace(
+        hard_stops=(low + by, high + by),
+        switches={
+            name: switch._replace(on_from=switch.on_from + by, on_to=switch.on_to + by)
+            for name, switch in layout.switches.items()
+        },
+        index_offset=layout.index_offset + by,
+        touch_probe=None if layout.touch_probe is None else layout.touch_probe + by,
+        start=layout.start + by,
+    )
+
+
+def length(name: str, text: str, default: Any, minimum: float = -FURTHEST) -> Definition:
+    """Return the definition of a position or a distance."""
     return Definition(text, float, 'm or rad', minimum, FURTHEST, name=name, default=default)
 
 
@@ -110,7 +161,7 @@ LAYOUT: Mapping[str, Definition] = table(
         for name in SWITCHES
     ),
     *(
-        _length(f'{name}_hysteresis', f'how far behind its edge {name} turns off', 0.0, 0.0)
+        length(f'{name}_hysteresis', f'how far behind its edge {name} turns off', 0.0, 0.0)
         for name in SWITCHES
     ),
     Definition(
@@ -120,10 +171,10 @@ LAYOUT: Mapping[str, Definition] = table(
         default=(),
         names=SWITCHES,
     ),
-    _length('index_pitch', 'distance between index pulses (0: no index)', 0.0, 0.0),
-    _length('index_offset', 'position of one index pulse', 0.0),
-    _length('touch_probe', 'position of the touch plate', None),
-    _length('start', 'the first position', 0.0),
+    length('index_pitch', 'distance between index pulses (0: no index)', 0.0, 0.0),
+    length('index_offset', 'position of one index pulse', 0.0),
+    length('touch_probe', 'position of the touch plate', None),
+    length('start', 'the first position', 0.0),
     _time('lag', 'time constant between command and feedback', 60.0),
     _time('command_timeout', 'a drive without setpoints stops after this (0: never)', 3600.0),
     Definition(
@@ -136,6 +187,16 @@ LAYOUT: Mapping[str, Definition] = table(
         default=STOP_DEC,
     ),
     SWITCH_RATE,
+    Definition(
+        'the other sides of a gantry, whose keys stand below <axis>.<follower>',
+        list,
+        name='followers',
+        default=[],
+    ),
+    Definition(
+        'what this side of a gantry moves', float, 'kg', 1e-3, 1e6, name='mass', default=MASS
+    ),
+    _time('delay', 'how much later this side of a gantry obeys than other axes', 10.0),
 )
 
 #: How often a simulated machine reports its positions, and how late a setpoint takes effect.
@@ -151,50 +212,3 @@ DEAD_TIME = Definition(
     name='dead_time',
     default=0.004,
 )
-
-
-def layouts_from(mapping: Mapping[str, object]) -> dict[str, AxisLayout]:
-    """Read layouts, as parsed from YAML: axis name → key of `LAYOUT` → value.
-
-    Raises:
-        InvalidParameters: Every fault, each begins with the axis and the key: ``x.lag: …``.
-    """
-    faults: list[str] = []
-    layouts = {}
-    for axis, entries in mapping.items():
-        if isinstance(entries, Mapping):
-            layout, found = _layout(entries)
-            layouts[axis] = layout
-            faults += [f'{axis}.{fault}' for fault in found]
-        else:
-            faults.append(f'{axis}: {entries!r} is not a mapping of keys to values')
-    if faults:
-        raise InvalidParameters(faults)
-    return layouts
-
-
-def _layout(entries: Mapping[str, object]) -> tuple[AxisLayout, list[str]]:
-    """Return the layout of one axis, and its faults."""
-    good, faults = read(entries, LAYOUT)
-    stops = good.get('hard_stops', Interval(-FURTHEST, FURTHEST))
-    inverted = good.get('inverted', ())
-    if stops.low == stops.high:
-        faults.append(f'hard_stops: both are {stops.low} m or rad, which leaves no travel')
-    switches = {}
-    for name in SWITCHES:
-        if name not in entries:
-            if f'{name}_hysteresis' in entries:
-                faults.append(f'{name}_hysteresis: {name} is not given')
-            if name in inverted:
-                faults.append(f'inverted: {name} is not given')
-        elif good.get(name) is not None:
-            low, high = good[name]
-            hysteresis = good.get(f'{name}_hysteresis', 0.0)
-            switches[name] = SwitchLayout(low, high, hysteresis, name in inverted)
-    start = good.get('start', stops.low)
-    if not stops.low <= start <= stops.high:
-        faults.append(
-            f'start: {start} m or rad must be within hard_stops, [{stops.low}, {stops.high}]'
-        )
-    plain = {key: good[key] for key in AxisLayout._fields if key in good}
-    return AxisLayout(**plain | {'hard_stops': tuple(stops), 'switches': switches}), faults

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads where things are along the axes: the parameter file of `simulated_axes`, or a plain one.
 
-A plain file holds axis names and below each the keys of layout.layouts_from; beside the names it
-may hold what is true of all axes (`OF_ALL_AXES`). What is not known is left out, or null: a
-switch, the hard stops or one of them, ``index_offset``.
+A plain file holds axis names and below each the keys of layout_reader.layouts_from; beside the
+names it may hold what is true of all axes (`OF_ALL_AXES`). What is not known is left out, or null:
+a switch, the hard stops or one of them, ``index_offset``. The keys of a follower of a gantry stand
+below its full name, ``y.y2``.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, nan
 from os import PathLike
@@ -25,13 +26,22 @@ from .layout import (
     SWITCH_RATE,
     SWITCHES,
     AxisLayout,
-    layouts_from,
+    with_switch_rate,
 )
+from .layout_reader import layouts_from
 
 PARAMETERS = 'ros__parameters'
 
+#: The keys that tell two ends.
+ENDS = ('hard_stops', *SWITCHES)
+
 #: What a layout file says about all axes, under the names of the parameters of `simulated_axes`.
 OF_ALL_AXES = table(FEEDBACK_RATE, DEAD_TIME, SWITCH_RATE)
+
+
+def _is_joint(key: str) -> bool:
+    """Return whether a key of `simulated_axes` names a joint; a layout has none."""
+    return key.rpartition('.')[2] == 'joint'
 
 
 class InvalidLayout(InvalidParameters):
@@ -88,27 +98,32 @@ class _Reader:
         for key, value in node.value:
             axis, dot, rest = str(key.value).partition('.')
             line = key.start_mark.line + 1
-            if rest == 'joint' and not plain:
-                continue
-            if dot and not plain:  # x.lag: is lag: below x:
-                self._own(axis)[rest] = loader.construct_object(value, deep=True)
-                self.lines[axis, rest] = line
-            elif isinstance(value, yaml.MappingNode):
-                self._own(axis).update(
-                    (str(name), one)
-                    for name, one in loader.construct_mapping(value, deep=True).items()
-                    if plain or name != 'joint'
-                )
-                self.lines |= {
-                    (axis, str(name.value)): name.start_mark.line + 1 for name, _ in value.value
-                }
-            elif plain and axis in OF_ALL_AXES:
-                continue
-            elif plain:
-                self.entries[axis] = loader.construct_object(value, deep=True)
+            if isinstance(value, yaml.MappingNode):
+                self._take_block(axis, rest, value, loader, plain)
+            elif dot and not plain:  # x.lag: is lag: below x:
+                if not _is_joint(rest):
+                    self._own(axis)[rest] = loader.construct_object(value, deep=True)
+                    self.lines[axis, rest] = line
+            elif plain and axis not in OF_ALL_AXES:
+                self.entries[str(key.value)] = loader.construct_object(value, deep=True)
             else:
                 continue
-            self.lines.setdefault((axis, ''), line)
+            self.lines.setdefault((axis, rest), line)
+            if axis in self.entries:
+                self.lines.setdefault((axis, ''), line)
+
+    def _take_block(
+        self, axis: str, follower: str, node: yaml.MappingNode, loader: _Loader, plain: bool
+    ) -> None:
+        """Take the entries below the name of an axis or of a follower."""
+        own, known = self._own(axis), loader.construct_mapping(node, deep=True)
+        for key, value in node.value:
+            name = '.'.join(filter(None, (follower, str(key.value))))
+            self.lines[axis, name] = key.start_mark.line + 1
+            if isinstance(value, yaml.MappingNode) and '.' not in name:
+                self._take_block(axis, name, value, loader, plain)
+            elif plain or not _is_joint(name):
+                own[name] = known[loader.construct_object(key)]
 
     def _own(self, axis: str) -> dict[str, Any]:
         own: dict[str, Any] = self.entries.setdefault(axis, {})
@@ -117,7 +132,8 @@ class _Reader:
     def located(self, path: Path, fault: str) -> str:
         """Put the file and the line before a fault, which begins with the axis and the key."""
         axis, _, key = fault.partition(': ')[0].partition('.')
-        line = self.lines.get((axis, key), self.lines.get((axis, '')))
+        block = key.partition('.')[0]
+        line = next(filter(None, (self.lines.get((axis, k)) for k in (key, block, ''))), None)
         return f'{path}:{line}: {fault}' if line else f'{path}: {fault}'
 
 
@@ -144,12 +160,24 @@ def load(path: str | PathLike[str]) -> LayoutFile:
     if faults:
         raise InvalidLayout(faults)
     for axis, entries in reader.entries.items():
-        if entries.get('index_offset', 0.0) is None:
-            layouts[axis] = layouts[axis]._replace(index_offset=nan)
-        if layouts[axis].switch_rate is None:
-            layouts[axis] = layouts[axis]._replace(switch_rate=about_all['switch_rate'])
+        layout = with_switch_rate(layouts[axis], about_all['switch_rate'])
+        unknown = [key for key in entries if key.endswith('index_offset') and entries[key] is None]
+        layouts[axis] = _without_index_offset(axis, layout, unknown)
     given = {name: about_all[name] for name in general if name != 'switch_rate'}
     return LayoutFile(layouts, **given)
+
+
+def _without_index_offset(axis: str, layout: AxisLayout, unknown: Sequence[str]) -> AxisLayout:
+    """Return the layout with no index offset where it is not known, on each side."""
+    followers = {
+        name: one._replace(index_offset=nan)
+        if f'{name.removeprefix(f"{axis}.")}.index_offset' in unknown
+        else one
+        for name, one in layout.followers.items()
+    }
+    if 'index_offset' in unknown:
+        layout = layout._replace(index_offset=nan)
+    return layout._replace(followers=followers)
 
 
 def is_layout(path: str | PathLike[str]) -> bool:
@@ -210,10 +238,13 @@ def _filled(entries: object) -> object:
     """Put something in the place of what is not known."""
     if not isinstance(entries, dict):
         return entries
-    filled = {key: value for key, value in entries.items() if value is not None}
-    for name in ('hard_stops', *SWITCHES):
-        ends = filled.get(name)
-        if isinstance(ends, list) and len(ends) == 2:
+    filled = {
+        key: value
+        for key, value in entries.items()
+        if value is not None or _of_follower(key) in SWITCHES  # that side has no such switch
+    }
+    for name, ends in filled.items():
+        if (_of_follower(name) or name) in ENDS and isinstance(ends, list) and len(ends) == 2:
             filled[name] = [
                 unknown if end is None else end
                 for end, unknown in zip(ends, (-inf, inf), strict=True)
@@ -231,3 +262,8 @@ def _filled(entries: object) -> object:
         elif len(finite) == 1 and not (stops[0] <= 0.0 <= stops[1]):
             filled['start'] = finite[0]
     return filled
+
+
+def _of_follower(key: str) -> str:
+    """Return the key without the name of the follower, '' where it is the axis's own."""
+    return key.partition('.')[2]

@@ -8,6 +8,9 @@ of a drive), and every change of an input and every feedback sample waits in a q
 time. One thread does all of it. When the process was held up, the world stands still for as long:
 nothing is published late in a burst, and stamps keep fitting the positions.
 
+What the spring between a follower of a gantry and its leader bears is told on
+``~/<axis>/<follower>/racking_force`` (N), with each feedback sample.
+
 No executor spins this node, so `ros2 param` cannot ask it; its services, and the
 controller that can be switched, are nodes of a thread of their own (simulated_services.py).
 """
@@ -34,8 +37,8 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
+from ..plant.gantry import Plant, Side, plants
 from ..plant.layout import AxisLayout
-from ..plant.simulated_axis import SimulatedAxis
 from ..procedures.states import Input
 from . import simulated_drivers
 from .graph import SETPOINT_TOPICS
@@ -71,7 +74,7 @@ class SimulatedAxes:
     def __init__(self, node: Node, settings: Settings) -> None:
         self._logger = node.get_logger()
         self._debug = self._logger.is_enabled_for(LoggingSeverity.DEBUG)
-        self._axes = {name: SimulatedAxis(layout) for name, layout in settings.layouts.items()}
+        self._axes = plants(settings.layouts)
         self._by_joint = dict(zip(settings.joints, self._axes.values(), strict=True))
         self._dt = 1.0 / settings.step_rate
         self._dead_time = settings.dead_time
@@ -100,10 +103,16 @@ class SimulatedAxes:
             if settings.second_source
             else None
         )
+        # Of each follower of a gantry: its side, and who tells what its spring bears.
+        self._racked = [
+            (side, node.create_publisher(Float64, f'~/{_path(name)}/racking_force', RELIABLE))
+            for name, side in self._axes.items()
+            if isinstance(side, Side) and name not in settings.layouts
+        ]
         self._outputs: dict[tuple[str, str], Output] = {}
         self._inputs: list[tuple[Take, Callable[[Any], None]]] = []
         self._polled = Polled()
-        for name, layout in settings.layouts.items():
+        for name, layout in settings.sides.items():
             self._connect(node, settings, name, layout)
         self._drivers = [o for o in self._outputs.values() if o.driver is not None]
         self._switches = deque(o for o in self._outputs.values() if o.level is not None)
@@ -133,7 +142,7 @@ class SimulatedAxes:
 
     def _connect(self, node: Node, settings: Settings, name: str, layout: AxisLayout) -> None:
         """Create an axis's publishers and subscription, and publish the first levels."""
-        axis, prefix = self._axes[name], f'{settings.target_node}/{name}'
+        axis, prefix = self._axes[name], f'{settings.target_node}/{_path(name)}'
         for key, level in {**axis.levels(), SERVO: axis.enabled}.items():
             polled = bool(layout.switch_rate) and key != SERVO
             publisher = node.create_publisher(
@@ -159,7 +168,7 @@ class SimulatedAxes:
                 publisher = node.create_publisher(Float64, f'{prefix}/{key}', RELIABLE)
                 self._outputs[name, key] = Output(name, publisher)
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        joint = settings.joints[list(settings.layouts).index(name)]
+        joint = settings.joints[list(self._axes).index(name)]
         self._subscribe(
             node, Bool, f'{prefix}/servo_on', qos, lambda m: self._servo(axis, joint, m.data)
         )
@@ -224,6 +233,8 @@ class SimulatedAxes:
         self._feedback.position = sample.position
         self._feedback.velocity = sample.velocity
         self._joint_states.publish(self._feedback)
+        for (_, publisher), force in zip(self._racked, sample.forces, strict=True):
+            publisher.publish(Float64(data=force))
 
     def _publish_change(self, change: Change, due: float) -> None:
         late = time.monotonic() - due
@@ -284,9 +295,9 @@ class SimulatedAxes:
                 'd', [b + m * part - o for b, m, o in zip(before, moved, offsets, strict=True)]
             )
             velocity = array('d', [m / dt for m in moved])
-            self._samples.append(
-                Sample(sampled, *self._driver.reading(sampled, position, velocity))
-            )
+            reading = self._driver.reading(sampled, position, velocity)
+            forces = [side.force for side, _ in self._racked]
+            self._samples.append(Sample(sampled, *reading, forces))
             self._count += 1
         if self._switches:  # one at a time, so that no step takes long
             self._switches.rotate(1)
@@ -313,7 +324,7 @@ class SimulatedAxes:
         self._node.destroy_publisher(self._joint_states)
         self._joint_states = self._node.create_publisher(JointState, 'joint_states', RELIABLE)
 
-    def _servo(self, axis: SimulatedAxis, joint: str, on: bool) -> None:
+    def _servo(self, axis: Plant, joint: str, on: bool) -> None:
         """Switch a servo; one that comes on obeys at once what its controller commands."""
         off = not axis.enabled
         axis.servo(on)
@@ -327,6 +338,11 @@ class SimulatedAxes:
                 f'setpoint ignored: {refused}; the joints here are {list(self._by_joint)}',
                 throttle_duration_sec=1.0,
             )
+
+
+def _path(name: str) -> str:
+    """Return the part of topics for an axis, or for a follower by its full name."""
+    return name.replace('.', '/')
 
 
 def main(args: list[str] | None = None) -> int:

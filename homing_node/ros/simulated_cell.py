@@ -7,7 +7,7 @@ A drive takes an offset off the position of its axis; feedback and commands are 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ..plant.simulated_axis import SimulatedAxis
+from ..plant.gantry import Plant
 from .simulated_controller import ForwardedPositions, PlayedTrajectories
 
 #: A drive takes new coordinates only while its axis is this close to its command, m or rad.
@@ -24,7 +24,7 @@ class Cell:
 
     def __init__(
         self,
-        axes: Mapping[str, SimulatedAxis],
+        axes: Mapping[str, Plant],
         joints: Sequence[str],
         controller: PlayedTrajectories | ForwardedPositions,
         switched: bool,
@@ -35,7 +35,7 @@ class Cell:
         """Create the cell.
 
         Args:
-            axes: The simulated axes, by name.
+            axes: The simulated axes and the sides of gantries, by name.
             joints: Their joints, in the same order.
             controller: What plays the setpoints; it is active.
             switched: Whether it can be switched: it is then off while coordinates change.

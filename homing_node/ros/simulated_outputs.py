@@ -2,6 +2,7 @@
 """What the simulated axes publish, and when it is due."""
 
 from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -12,11 +13,15 @@ from ..plant.drivers import SwitchDriver
 
 
 class Sample(NamedTuple):
-    """A feedback sample of all axes; positions in m or rad, velocities per s."""
+    """A feedback sample of all axes; positions in m or rad, velocities per s.
+
+    ``forces``: what the spring of each follower of a gantry bears, N.
+    """
 
     time: float
     position: 'array[float]'
     velocity: 'array[float]'
+    forces: Sequence[float] = ()
 
 
 class Change(NamedTuple):

@@ -160,7 +160,9 @@ class Services:
         drives.add_on_set_parameters_callback(_check)
         for axis in axes:
             drives.create_service(
-                SetPosition, f'{own}/{axis}/set_position', partial(self._set_position, axis)
+                SetPosition,
+                f'{own}/{axis.replace(".", "/")}/set_position',
+                partial(self._set_position, axis),
             )
         drives.create_service(Trigger, f'{own}/restart', self._restart)
         self._nodes = [drives]

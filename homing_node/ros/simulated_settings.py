@@ -14,7 +14,14 @@ from ..parameters.configuration import (
     unknown_axis,
 )
 from ..parameters.definition import Definition, InvalidParameters, read, table
-from ..plant.layout import DEAD_TIME, FEEDBACK_RATE, AxisLayout, layouts_from
+from ..plant.layout import (
+    DEAD_TIME,
+    FEEDBACK_RATE,
+    AxisLayout,
+    sides_of,
+    with_switch_rate,
+)
+from ..plant.layout_reader import layouts_from
 from . import simulated_drivers, simulated_services
 from .setpoints import dof_command
 
@@ -22,6 +29,8 @@ from .setpoints import dof_command
 @dataclass(frozen=True)
 class Settings:
     """The parameters of the node; rates in Hz, times in s.
+
+    ``layouts`` has the axes, ``joints`` the joint of each of ``sides``.
 
     Position commands do not say how long they take: ``setpoint_period``. The controller that
     plays the setpoints updates at ``controller_rate``; ``interpolate``: it joins their points.
@@ -48,6 +57,11 @@ class Settings:
     answer_time: float
     set_position_answer: simulated_services.Answer
     activate_answer: simulated_services.Answer
+
+    @property
+    def sides(self) -> Mapping[str, AxisLayout]:
+        """The axes, and after each the followers of its gantry, by full names."""
+        return sides_of(self.layouts)
 
 
 #: The node's own parameters; those of an axis are the keys of its layout, and ``joint``.
@@ -140,7 +154,7 @@ def settings_from(parameters: Mapping[str, Any]) -> Settings:
         faults.append(
             f'dead_time: {dead_time:g} s must be >= 2 steps, {2.0 / step_rate:g} s (step_rate)'
         )
-    joints = [str(entries[axis].pop('joint', axis)) for axis in dict.fromkeys(axes)]
+    joints = [joint for axis, below in entries.items() for joint in _joints(axis, below)]
     if len(set(joints)) < len(joints):
         faults.append(f'joint: two axes have the same joint: {", ".join(joints)}')
     layouts: Mapping[str, AxisLayout] = {}
@@ -149,13 +163,20 @@ def settings_from(parameters: Mapping[str, Any]) -> Settings:
     except InvalidParameters as error:
         faults += error.faults
     rate = good.get('switch_rate')
-    layouts = {
-        name: layout._replace(switch_rate=rate) if layout.switch_rate is None else layout
-        for name, layout in layouts.items()
-    }
-    faults += simulated_drivers.contradictions(good, layouts)
+    layouts = {name: with_switch_rate(layout, rate) for name, layout in layouts.items()}
+    faults += simulated_drivers.contradictions(good, sides_of(layouts))
     if faults:
         raise InvalidParameters(faults)
     good['target_node'] = good['target_node'].rstrip('/')
     names = [one.name for one in fields(Settings) if one.name in good]
     return Settings(layouts, joints, **{name: good[name] for name in names})
+
+
+def _joints(axis: str, below: dict[str, Any]) -> list[str]:
+    """Take the joints out of the entries of an axis; return its own and those of its followers."""
+    listed = below.get('followers')
+    followers = [str(one) for one in listed] if isinstance(listed, list) else []
+    return [
+        str(below.pop('joint', axis)),
+        *(str(below.pop(f'{one}.joint', one)) for one in dict.fromkeys(followers)),
+    ]
