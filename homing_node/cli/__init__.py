@@ -22,6 +22,7 @@ from . import (
     history,
     home,
     plot,
+    propose,
     repeat,
     resume,
     run,
@@ -54,6 +55,7 @@ At the machine, with a homing_node that runs (these need ROS; * moves axes):
 At the desk:
   homing check axes.yaml --layout machine.yaml     prove a configuration before the first motion
   homing run axes.yaml --layout machine.yaml       rehearse it: how long, which way, where to
+  homing propose axes.yaml --layout machine.yaml   the values that the check calls right
   homing history x                                 what the memory says: has the switch moved?
   homing plot run.npz                              draw a run
   homing diagram HSHS                              draw what a home type does
@@ -74,6 +76,7 @@ COMMANDS = {
     'repeat': repeat,
     'check': check,
     'run': run,
+    'propose': propose,
     'history': history,
     'plot': plot,
     'diagram': diagram,

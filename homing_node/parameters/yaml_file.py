@@ -55,7 +55,11 @@ def load(path: Path | str, node: str = NODE) -> Configuration:
 
     Raises InvalidParameters with every fault, each with the file's name and line.
     """
-    file = read(path, node)
+    return checked(read(path, node))
+
+
+def checked(file: ParameterFile) -> Configuration:
+    """Check what was read from a file; raises InvalidParameters as `load` does."""
     try:
         return configuration(file.values)
     except InvalidParameters as error:
@@ -66,7 +70,7 @@ def is_configuration(path: Path | str) -> bool:
     """Return whether a file holds parameters of an axis for some node, right or wrong."""
     file = ParameterFile(Path(path))
     try:
-        for document in _documents(file.path):
+        for document in _documents(_content(file.path), file.path):
             for _, parameters in _blocks(document):
                 for key, value in parameters.value:
                     _flatten(file, _text(key), value, 0)
@@ -81,11 +85,16 @@ def read(path: Path | str, node: str = NODE) -> ParameterFile:
     Where two blocks fit the node, the last one wins, value by value. Raises InvalidParameters
     where rcl could not read the file, or where no block fits the node.
     """
+    return parsed(_content(Path(path)), path, node)
+
+
+def parsed(data: bytes, path: Path | str, node: str = NODE) -> ParameterFile:
+    """Read the contents of a parameter file as `read` does; ``path`` is for the messages."""
     file = ParameterFile(Path(path))
     node = f'/{node.lstrip("/")}'
     others = []
     try:
-        for document in _documents(file.path):
+        for document in _documents(data, file.path):
             for name, parameters in _blocks(document):
                 if _fits(name, node):
                     for key, value in parameters.value:
@@ -129,13 +138,16 @@ class _Loader(OnceLoader):
         return super().compose_node(parent, index)
 
 
-def _documents(path: Path) -> Iterator[yaml.Node]:
-    data = b''
+def _content(path: Path) -> bytes:
     try:
-        data = path.read_bytes()
-        yield from yaml.compose_all(data.decode(), _Loader)
+        return path.read_bytes()
     except OSError as error:
         raise InvalidParameters([f'{path}: {error.strerror}']) from None
+
+
+def _documents(data: bytes, path: Path) -> Iterator[yaml.Node]:
+    try:
+        yield from yaml.compose_all(data.decode(), _Loader)
     except RecursionError:
         raise InvalidParameters([f'{path}: nested too deeply']) from None
     except UnicodeDecodeError as error:
