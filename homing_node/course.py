@@ -42,13 +42,15 @@ class Course:
     """The record of one run, made by a rehearsal or from a real graph.
 
     ``samples`` has one entry a cycle in which the axis had a setpoint; ``happenings`` what the
-    switches did, where that is known; ``arrows`` what the machine went through.
+    switches did, where that is known; ``arrows`` what the machine went through; ``inverted`` the
+    switches that are on where their level on the wire is false, where no layout tells it.
     """
 
     samples: list[Sample] = field(default_factory=list)
     happenings: list[Happening] = field(default_factory=list)
     outcome: Outcome | None = None
     arrows: Sequence[tuple[object, object]] = ()
+    inverted: frozenset[str] = frozenset()
 
     @property
     def states(self) -> list[str]:

@@ -18,6 +18,7 @@ ROOMS = [
     'core',
     'course',
     'memory',
+    'recording',
     'plant',
     'rehearsal',
     'check',
@@ -67,7 +68,7 @@ ROS = {
 }
 #: Packages of ROS that need not be installed; who imports them does without.
 OPTIONAL = {'control_msgs', 'controller_manager_msgs'}
-THIRD = {'matplotlib', 'numpy', 'rich', 'ruckig', 'yaml'}
+THIRD = {'lz4', 'matplotlib', 'mcap', 'mcap_ros2', 'numpy', 'rich', 'ruckig', 'yaml'}
 
 FILES = [path for path in sorted(PACKAGE.rglob('*.py')) if path != PACKAGE / '__init__.py']
 each_file = pytest.mark.parametrize('path', FILES, ids=lambda p: str(p.relative_to(PACKAGE)))

@@ -5,7 +5,7 @@ import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from math import isclose, isnan
+from math import isclose
 from pathlib import Path
 
 from rich.console import Console
@@ -18,7 +18,7 @@ from ..parameters.definition import InvalidParameters
 from ..plant.layout import AxisLayout
 from ..plant.layout_file import LayoutFile
 from ..plant.timing import Timing
-from ..procedures.states import HomeType, Input, State
+from ..procedures.states import HomeType, State
 from ..rehearsal.run import PLANT_STEP
 from ..rehearsal.sweep import Trial, rehearse_from, transport_of
 from .common import (
@@ -36,6 +36,7 @@ from .common import (
     timing_of,
     written,
 )
+from .place import place_of
 from .sweep_axis import STARTS, sweep_axis
 
 TEXT = """\
@@ -166,36 +167,13 @@ def _place(
     arguments: argparse.Namespace, layout: LayoutFile, axis: str, parameters: AxisParameters
 ) -> AxisLayout:
     """Return an axis's layout if it has all that a run needs."""
-    path, where = arguments.layout, layout.layouts.get(axis)
-    if where is None:
-        raise Failure(f'{path}: no axis {axis!r} in it, only {", ".join(layout.layouts)}')
-    missing: list[Input] = [
-        name
-        for name in parameters.inputs
-        if name not in where.switches
-        and name not in (Input.SERVO_ENABLED, Input.Z_PULSE, Input.TOUCH_PROBE)
-    ]
-    used = parameters.procedure.inputs
-    if Input.Z_PULSE in used and (not where.index_pitch or isnan(where.index_offset)):
-        missing.append(Input.Z_PULSE)
-    if Input.TOUCH_PROBE in used and where.touch_probe is None:
-        missing.append(Input.TOUCH_PROBE)
-    if missing:
-        raise Failure(
-            *(
-                f'{path}: axis {axis}: a run needs to know where {name} is, which '
-                f'{arguments.config} has in switches'
-                for name in missing
-            )
-        )
+    where = place_of(arguments.layout, layout, axis, parameters, str(arguments.config))
     low, high = where.hard_stops
     if arguments.start is not None and not low <= arguments.start <= high:
         raise Failure(
             f'--from: {arguments.start:g} {parameters.unit} is beyond the hard stops of axis '
             f'{axis}, {low:g} {parameters.unit} and {high:g} {parameters.unit}'
         )
-    if isnan(where.index_offset):
-        where = where._replace(index_pitch=0.0, index_offset=0.0)
     return where
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from math import ceil, floor, inf, isfinite
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from matplotlib import rc_context
 from matplotlib.artist import Artist
@@ -78,9 +78,11 @@ def figure(
     title: str = '',
     panels: Sequence[Panel] = WHOLE,
     unit: str = 'm',
+    beneath: Course | None = None,
 ) -> Figure:
     """Draw a course.
 
+    ``beneath`` is another course, drawn lightly under it: the rehearsal of a recorded one.
     ``layout`` tells what stands along the axis, as far as it is known (hard stops may be
     infinite); without it only what the course itself recorded is drawn. ``unit`` is that of the
     positions, m or rad; m is shown as mm where the view is shorter than 2 m.
@@ -89,8 +91,10 @@ def figure(
     begin = samples[0].time if samples else 0.0
     end = (samples[-1].time - begin if samples else 0.0) or 1.0
     bands = list(bands_of(samples))
-    names = place_names(bands, end)
     view = _view(course, layout)
+    under = beneath.samples if beneath is not None else []
+    last = max(end, under[-1].time - under[0].time if under else 0.0)
+    names = place_names(bands, last)
     scale = Scale(1e3, 'mm') if unit == 'm' and view[1] - view[0] < 2.0 else Scale(1.0, unit)
 
     lines = max((name.level for name in names), default=0)
@@ -104,7 +108,7 @@ def figure(
 
     def axes(bottom: float, tall: float) -> Axes:
         made = sheet.add_axes((LEFT / WIDTH, bottom / height, INNER / WIDTH, tall / height))
-        made.set_xlim(0.0, end)
+        made.set_xlim(0.0, last)
         made.tick_params(labelsize=SMALL, length=2.5, width=0.6, color=GREY)
         for spine in made.spines.values():
             spine.set(linewidth=0.6, color=GREY)
@@ -121,6 +125,7 @@ def figure(
             one.axvline(band.end, color=GREY, lw=0.5, alpha=0.7, zorder=2.5)
         if panel is Panel.POSITION:
             legend = _draw_position(one, course, layout, begin, view, scale)
+            legend += _draw_under(one, under, 'feedback', scale)
             sheet.legend(
                 handles=legend,
                 loc='lower left',
@@ -135,7 +140,9 @@ def figure(
                 borderpad=0.0,
             )
         else:
-            _draw_rate(one, panel, samples, begin, scale)
+            _draw_rate(one, panel, [*samples, *under], scale)
+            _draw_under(one, under, panel, scale)
+            _draw_line(one, samples, panel, scale, color=INK, lw=1.3, zorder=5)
         one.tick_params(labelbottom=panel is panels[-1])
     one.set_xlabel('time in s', size=NORMAL, labelpad=2)
     return sheet
@@ -148,13 +155,14 @@ def save(
     title: str = '',
     panels: Sequence[Panel] = WHOLE,
     unit: str = 'm',
+    beneath: Course | None = None,
 ) -> None:
     """Draw a course into a file whose suffix tells its format (.png, .svg, .pdf).
 
     The same course gives the same file, byte for byte. Raises ValueError for an unknown format,
     OSError where the file cannot be written.
     """
-    drawn = figure(course, layout, title, panels, unit)
+    drawn = figure(course, layout, title, panels, unit, beneath)
     dated = Path(path).suffix in ('.svg', '.pdf')
     date = {'.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
     with rc_context({'svg.hashsalt': 'homing_node', 'hatch.linewidth': 0.5}):
@@ -197,7 +205,8 @@ def _switch_edges(
     for time, name, value, position in course.happenings:
         if time >= begin and Input(name) not in LATCHES:
             flag = layout.switches.get(name) if layout is not None else None
-            yield time - begin, position, bool(value) is not (flag is not None and flag.inverted)
+            inverted = name in course.inverted or (flag is not None and flag.inverted)
+            yield time - begin, position, bool(value) is not inverted
 
 
 def _time_of_home(course: Course, home: float, begin: float, span: float) -> float:
@@ -381,16 +390,29 @@ def _draw_outcome(
 # ----------------------------------------------------------------------------------- the profile
 
 
-def _draw_rate(
-    axes: Axes, panel: Panel, samples: Sequence[Sample], begin: float, scale: Scale
-) -> None:
-    """Draw the commanded velocity or acceleration."""
-    times = [sample.time - begin for sample in samples]
-    rates = [getattr(sample, panel) * scale.factor for sample in samples]
-    largest = max((abs(rate) for rate in rates), default=0.0) or 1.0
+def _draw_rate(axes: Axes, panel: Panel, samples: Sequence[Sample], scale: Scale) -> None:
+    """Prepare a panel of the commanded velocity or acceleration."""
+    rates = [abs(getattr(sample, panel)) * scale.factor for sample in samples]
+    largest = max((rate for rate in rates if isfinite(rate)), default=0.0) or 1.0
     axes.set_ylim(-1.2 * largest, 1.2 * largest)
     axes.axhline(0.0, color=GREY, lw=0.6, zorder=2)
-    axes.plot(times, rates, color=INK, lw=1.3, zorder=5)
     axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
     per = 's' if panel is Panel.VELOCITY else 's²'
     axes.set_ylabel(f'{panel}\nin {scale.unit}/{per}', size=NORMAL)
+
+
+def _draw_line(
+    axes: Axes, samples: Sequence[Sample], what: str, scale: Scale, **style: Any
+) -> list[Artist]:
+    """Draw a quantity of a course over the time since it began."""
+    times = [sample.time - samples[0].time for sample in samples]
+    return [*axes.plot(times, [getattr(s, what) * scale.factor for s in samples], **style)]
+
+
+def _draw_under(axes: Axes, samples: Sequence[Sample], what: str, scale: Scale) -> list[Artist]:
+    """Draw a quantity of the course beneath, if there is one; return its legend."""
+    if not samples:
+        return []
+    return _draw_line(
+        axes, samples, what, scale, color=BLUE, lw=2.6, alpha=0.55, zorder=3.5, label='rehearsal'
+    )

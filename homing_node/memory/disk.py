@@ -3,6 +3,7 @@
 
 import os
 from pathlib import Path
+from typing import BinaryIO
 
 
 class Disk:
@@ -26,6 +27,19 @@ class Disk:
             os.fsync(number)
         finally:
             os.close(number)
+
+    def create(self, path: Path) -> BinaryIO:
+        """Create a file, and its folder; raise FileExistsError if there is one of this name."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path.open('xb')
+
+    def delete(self, path: Path) -> None:
+        """Delete a file, if it is there."""
+        path.unlink(missing_ok=True)
+
+    def names(self, folder: Path) -> list[str]:
+        """Return the names of the files in a folder; of one that is not there, none."""
+        return os.listdir(folder) if folder.is_dir() else []
 
     def rename(self, path: Path, name: Path) -> None:
         """Give a file the name of another one, which is gone then."""

@@ -19,6 +19,8 @@ AXIS_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 
 #: Where the files of the memory are: `$ROS_HOME` (default `~/.ros`), the full name of the node.
 MEMORY_FOLDER = '$ROS_HOME/homing/<node>'
+#: Where the records of the runs are, of all nodes.
+RECORD_FOLDER = '$ROS_HOME/homing/records'
 
 #: Names under the node's own that an axis must not take.
 RESERVED = frozenset(
@@ -37,8 +39,13 @@ RESERVED = frozenset(
         'ready_timeout',
         'setpoint_interface',
         'home_sequence',
+        'marker_frame',
+        'markers',
         'memory',
         'qos_overrides',
+        'record',
+        'record_failures',
+        'record_runs',
         'use_sim_time',
         'start_type_description_service',
         'describe_parameters',
@@ -146,6 +153,37 @@ NODE_DEFINITIONS: Mapping[str, Definition] = table(
         default=MEMORY_FOLDER,
     ),
     Definition(
+        'folder of the records of the runs (empty: runs are not recorded)',
+        str,
+        name='record',
+        default=RECORD_FOLDER,
+    ),
+    Definition(
+        'records of runs that ended well, of which the newest are kept',
+        int,
+        '',
+        0,
+        1_000_000,
+        name='record_runs',
+        default=50,
+    ),
+    Definition(
+        'records of runs that failed, of which the newest are kept',
+        int,
+        '',
+        0,
+        1_000_000,
+        name='record_failures',
+        default=200,
+    ),
+    Definition(
+        'the frame of the markers of each axis, which runs along its x (linear) or turns about '
+        'its z (rotary); <axis> and <joint> stand for the names',
+        str,
+        name='marker_frame',
+        default='<joint>',
+    ),
+    Definition(
         'groups of axes that home together, in order, e.g. ["z", "x, y"] '
         '(empty: one after another)',
         list,
@@ -188,6 +226,10 @@ class Configuration(NamedTuple):
     setpoint_stamp: SetpointStamp
     home_sequence: tuple[tuple[str, ...], ...]
     memory: str
+    record: str
+    record_runs: int
+    record_failures: int
+    marker_frame: str
 
     @property
     def joints(self) -> dict[str, str]:
@@ -252,6 +294,10 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         node['setpoint_stamp'],
         sequence,
         node['memory'],
+        node['record'],
+        node['record_runs'],
+        node['record_failures'],
+        node['marker_frame'],
     )
 
 

@@ -8,7 +8,7 @@ one here, as for the node. What rcl refuses is refused here too, with the line.
 
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -107,6 +107,39 @@ def parsed(data: bytes, path: Path | str, node: str = NODE) -> ParameterFile:
         found = f', only for {", ".join(others)}' if others else ''
         raise InvalidParameters([f'{file.path}: no parameters for {node}{found}'])
     return file
+
+
+def written(node: str, values: Mapping[str, object]) -> str:
+    """Return a parameter file that gives some values to a node.
+
+    Args:
+        node: The full name of the node.
+        values: The values, by flat name (``x.travel``).
+    """
+    nested: dict[str, Any] = {}
+    for name, value in values.items():
+        first, _, rest = name.partition('.')
+        if rest:
+            nested.setdefault(first, {})[rest] = value
+        else:
+            nested[first] = value
+    contents = {f'/{node.strip("/")}': {'ros__parameters': nested}}
+    return yaml.dump(contents, Dumper=_Dumper, sort_keys=False)
+
+
+class _Dumper(yaml.SafeDumper):
+    """YAML in which rcl reads each text as a text."""
+
+
+def _represent_text(dumper: _Dumper, text: str) -> yaml.Node:
+    other = text in TRUE | FALSE or any(
+        kind.fullmatch(text) for kind in (OCTAL, INTEGER, REAL, ZERO)
+    )
+    style = '"' if other else None
+    return dumper.represent_scalar('tag:yaml.org,2002:str', text, style)
+
+
+_Dumper.add_representer(str, _represent_text)
 
 
 class _Fault(Exception):

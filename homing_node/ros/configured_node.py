@@ -41,11 +41,24 @@ FIXED = (
     'setpoint_stamp',
     'serialized',
     'memory',
+    'record',
     'joint',
 )
 
 #: The same for the parameters of an axis whose names begin so.
 FIXED_KINDS = ('commands.', 'services.')
+
+#: Parameters of the node that say nothing of a run of one axis.
+OF_SEVERAL = (
+    'axes',
+    'home_sequence',
+    'position_joints',
+    'memory',
+    'record',
+    'record_runs',
+    'record_failures',
+    'marker_frame',
+)
 
 
 class ConfiguredNode(Node, ABC):
@@ -115,6 +128,24 @@ class ConfiguredNode(Node, ABC):
         if faults:
             raise InvalidParameters(faults)
         return found
+
+    def values_of(self, axis: str) -> dict[str, object]:
+        """Return those parameters that a run of one axis depends on, if they differ from default.
+
+        The names are those of a node that has this axis alone.
+        """
+        own = {
+            name: value
+            for name, definition in NODE_DEFINITIONS.items()
+            if name not in OF_SEVERAL
+            and (value := self.get_parameter(name).value) != messages.plain(definition.initial)
+        }
+        of_axis = {
+            f'{axis}.{name}': value
+            for name, value in self._values(axis).items()
+            if value != messages.plain(AXIS_DEFINITIONS[name].initial)
+        }
+        return {'axes': [axis], **own, **of_axis}
 
     # --------------------------------------------------------------------- the subclass has these
 

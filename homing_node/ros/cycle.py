@@ -22,6 +22,7 @@ from .joint_order import JointOrder
 from .outputs import Outputs
 from .polling import never_called
 from .readiness import FIRST_INSTANT
+from .recorder import Recorder
 from .reports import Reports
 from .setpoints import Setpoints
 from .timebase import Lead, TimeBase, wake_precisely
@@ -61,6 +62,7 @@ class Cycle:
         outputs: Outputs,
         reports: Reports,
         waits: Waits,
+        recorder: Recorder,
         logger: Any,
     ) -> None:
         """Keep the parts that a cycle works with.
@@ -80,6 +82,7 @@ class Cycle:
             outputs: What drives are told besides setpoints.
             reports: All that is published besides the setpoints.
             waits: The futures of the requests.
+            recorder: The records of the runs.
             logger: The logger of the node.
         """
         self._axes, self._period, self.timeout = axes, period, timeout
@@ -87,7 +90,7 @@ class Cycle:
         self._inputs, self._dispatch, self._setpoints = inputs, dispatch, setpoints
         self._order, self._controllers, self._reports = order, controllers, reports
         self._handovers, self._outputs = handovers, outputs
-        self._waits, self._logger = waits, logger
+        self._waits, self._recorder, self._logger = waits, recorder, logger
         self._lead = Lead(period)
         self._watched = 0.0
         self._stop_requested = False
@@ -191,6 +194,8 @@ class Cycle:
                 if setpoint is not None:
                     setpoints[name] = setpoint
                 changed = self._reports.report(axis) or changed
+            if self._recorder.open:
+                self._recorder.cycle(now, setpoints)
             ended = []
             if changed or self._dispatch.pending:
                 ended = self._dispatch.update(now)

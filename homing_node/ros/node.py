@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The homing node: topics, services and parameters around the axes.
 
-Four threads. The *cycle* (cycle.py) polls the inputs, updates the axes and publishes setpoints on
+Five threads. The *cycle* (cycle.py) polls the inputs, updates the axes and publishes setpoints on
 a fixed grid. The *executor* (the main thread) answers services and parameters. The *reports*
-publish all that is not a setpoint. The *memory* writes files. ``_lock`` guards the axes; nothing
-is published or waited for while it is held.
+publish all that is not a setpoint. The *memory* and the *recorder* write files. ``_lock`` guards
+the axes; nothing is published or waited for while it is held.
 """
 
 import threading
@@ -40,6 +40,7 @@ from .joint_order import JointOrder
 from .memory import Memories
 from .outputs import Outputs
 from .readiness import Readiness
+from .recorder import recorder_of
 from .reports import Publishers, Reports
 from .services import Services
 from .setpoints import INTERFACES, PositionSetpoints
@@ -133,6 +134,7 @@ class HomingNode(ConfiguredNode):
             self._lock,
             group,
         )
+        self._recorder = recorder_of(self, self._axes, self._timebase, self._lock)
         self._create_publishers()
         self._create_services(group)
         self._cycle = Cycle(
@@ -150,6 +152,7 @@ class HomingNode(ConfiguredNode):
             self._outputs,
             self._reports,
             self._waits,
+            self._recorder,
             self.get_logger(),
         )
         self.serve_parameters()
@@ -207,6 +210,7 @@ class HomingNode(ConfiguredNode):
             self.get_fully_qualified_name(),
             self.get_logger(),
             InputStatus(lambda: self._shared_signals.wiring, self._timebase).of,
+            self._recorder.state,
         )
 
     def _create_services(self, group: CallbackGroup) -> None:
@@ -294,6 +298,10 @@ class HomingNode(ConfiguredNode):
             self._cycle.timeout = float(value)
         elif name == 'ready_timeout':
             self._dispatch.ready_timeout = float(value)
+        elif self._recorder.folder is not None and name == 'record_runs':
+            self._recorder.folder.runs = int(value)
+        elif self._recorder.folder is not None and name == 'record_failures':
+            self._recorder.folder.failures = int(value)
 
     # ------------------------------------------------------------------------------------ threads
 
@@ -303,6 +311,7 @@ class HomingNode(ConfiguredNode):
         ended = self._cycle.finished.is_set
         self._writer = threading.Thread(target=self._memories.run, args=(ended,), name='memory')
         self._writer.start()
+        self._recorder.start(ended)
 
     def stop(self) -> None:
         """Stop every axis, answer every request, then finish."""
@@ -312,6 +321,7 @@ class HomingNode(ConfiguredNode):
         """Wait for the threads."""
         self._cycle.join()
         self._writer.join()
+        self._recorder.join()
 
     @property
     def finished(self) -> bool:

@@ -74,7 +74,8 @@ class Reports:
     """Publishes every change of an axis, and what is due by time; logs how each run ended.
 
     ``stamp`` returns the ROS time in ns; ``lock`` guards the axes; ``node_name`` is the fully
-    qualified one; ``inputs_of`` returns what the diagnostics say of each input of an axis.
+    qualified one; ``inputs_of`` returns what the diagnostics say of each input of an axis;
+    ``note`` takes each state that is published (axis, stamp in ns, message).
     """
 
     def __init__(
@@ -87,8 +88,9 @@ class Reports:
         node_name: str,
         logger: Any,
         inputs_of: Callable[[Axis], Mapping[str, str]] = lambda axis: {},
+        note: Callable[[Axis, int, Any], object] = lambda axis, stamp, message: None,
     ) -> None:
-        self._axes, self._joints = axes, joints
+        self._axes, self._joints, self._note = axes, joints, note
         self._to = publishers
         self._stamp, self._lock, self._node_name, self._logger = stamp, lock, node_name, logger
         # No SimpleQueue: until Python 3.13 a short wait for nothing may never end there.
@@ -118,7 +120,7 @@ class Reports:
         state = (axis.state, axis.paused, axis.homed, axis.error, axis.message, axis.outcome)
         if last.state != state:
             last.state = state
-            put((self._to.states[name].publish, messages.axis_state(self._stamp(), axis)))
+            self._state(axis)
         for output, value in (
             (Output.SERVO_ON, bool(axis.servo_on)),
             (Output.TORQUE_LIMIT, float(axis.torque_limit)),
@@ -205,6 +207,13 @@ class Reports:
             messages.axis_state(stamp, self._axes[name]) for name in names if name in self._axes
         ]
 
+    def _state(self, axis: Axis) -> None:
+        """Queue the state of an axis; the lock is held."""
+        stamp = self._stamp()
+        message = messages.axis_state(stamp, axis)
+        self._queue.put((self._to.states[axis.name].publish, message))
+        self._note(axis, stamp, message)
+
     def _log(self, name: str, outcome: Outcome) -> None:
         """Log how a run of an axis ended; rclpy wants a line of its own for each level."""
         text = messages.home_message({name: outcome})
@@ -243,9 +252,7 @@ class Reports:
         first = self._turns[running] if self._turns[running] < len(axes) else 0
         self._turns[running] = first + STATES_AT_ONCE
         for axis in axes[first : first + STATES_AT_ONCE]:
-            self._queue.put(
-                (self._to.states[axis.name].publish, messages.axis_state(self._stamp(), axis))
-            )
+            self._state(axis)
         return period / math.ceil(len(axes) / STATES_AT_ONCE)
 
     def _feedback(self) -> float:

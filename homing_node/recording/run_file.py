@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The file of one run: which topics it has, and what becomes of what the tap has noted."""
+
+from collections.abc import Mapping
+from typing import Any, BinaryIO, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..procedures.states import LATCHES, Input
+from .mcap_file import McapFile
+from .tap import Found, Reading, Row, Taken
+from .template import Template
+
+JOINT_TRAJECTORY = 'trajectory_msgs/msg/JointTrajectory'
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+BOOL, FLOAT64, STRING = 'std_msgs/msg/Bool', 'std_msgs/msg/Float64', 'std_msgs/msg/String'
+AXIS_STATE = 'homing_interfaces/msg/AxisState'
+SWITCH_EDGE = 'homing_interfaces/msg/SwitchEdge'
+
+#: The names of the metadata: about the run, and how it ended.
+ABOUT, OUTCOME = 'homing_node', 'outcome'
+
+
+class Messages(Protocol):
+    """Makes the bytes of ROS messages.
+
+    Attributes:
+        level: A Bool.
+        latched: A Float64.
+    """
+
+    level: Template
+    latched: Template
+
+    def text(self, kind: str) -> str:
+        """Return the definition of a message type, in the format ros2msg."""
+
+    def setpoint(self, joint: str) -> Template:
+        """Return a JointTrajectory of one point."""
+
+    def feedback(self, joint: str) -> Template:
+        """Return a JointState of one position."""
+
+    def edge(self, stamp: int, found: Found) -> bytes:
+        """Return a SwitchEdge; the stamp in ns."""
+
+    def string(self, text: str) -> bytes:
+        """Return a String."""
+
+    def serialized(self, message: Any) -> bytes:
+        """Return the bytes of a message object."""
+
+
+class About(NamedTuple):
+    """What a run is of.
+
+    Attributes:
+        node: The full name of the node.
+        axis: The axis.
+        joint: The joint of the axis.
+        feedback: The full name of the topic `joint_states`.
+        ahead: How long after its cycle the axis shall be at a setpoint, s.
+        offset: How much stamps are ahead of the time of the core, ns.
+        values: The version and the like, by name.
+        parameters: The parameters of the axis, as a parameter file.
+    """
+
+    node: str
+    axis: str
+    joint: str
+    feedback: str
+    ahead: float
+    offset: int
+    values: Mapping[str, str]
+    parameters: str
+
+
+class RunFile:
+    """The file of a run that is on."""
+
+    def __init__(self, file: BinaryIO, about: About, begun: float, messages: Messages) -> None:
+        """Begin the file.
+
+        Args:
+            file: Where it is written.
+            about: What the run is of.
+            begun: When it began, s of the core's time.
+            messages: What makes the bytes of messages.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        self._file, self._about, self._messages = file, about, messages
+        self._mcap = McapFile(file, f'homing_node {about.values.get("version", "")}'.strip())
+        self._mcap.metadata(ABOUT, about.values)
+        self._setpoint = messages.setpoint(about.joint)
+        self._feedback = messages.feedback(about.joint)
+        self._sampled = -np.inf
+        self._channels: dict[str, int] = {}
+        self._private = f'{about.node}/{about.axis}'
+        begin = int(self._stamps(begun))
+        text = messages.string(about.parameters)
+        self._mcap.add(self._channel(f'{self._private}/parameters', STRING), begin, begin, text)
+
+    def write(self, taken: Taken) -> None:
+        """Write what the tap has noted since the last time; it is in the file then.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        if taken.rows:
+            self._write_cycles(np.array(taken.rows))
+        for source in dict.fromkeys(reading.source for reading in taken.readings):
+            readings = [one for one in taken.readings if one.source is source]
+            self._write_readings(source, readings)
+        self._write_edges(taken.found)
+        for stamp, message in taken.states:
+            channel = self._channel(f'{self._private}/state', AXIS_STATE)
+            self._mcap.add(channel, stamp, stamp, self._messages.serialized(message))
+        self._mcap.flush()
+
+    def finish(self, outcome: Mapping[str, str]) -> None:
+        """Write how the run ended, and close the file.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        self._mcap.metadata(OUTCOME, outcome)
+        self._mcap.finish()
+        self._file.close()
+
+    # ------------------------------------------------------------------------------------- inside
+
+    def _stamps(self, times: Any) -> NDArray[np.int64]:
+        """Return times of the core as stamps, ns."""
+        return np.rint(np.asarray(times) * 1e9).astype(np.int64) + self._about.offset
+
+    def _channel(self, topic: str, kind: str) -> int:
+        if topic not in self._channels:
+            self._channels[topic] = self._mcap.topic(topic, kind, self._messages.text(kind))
+        return self._channels[topic]
+
+    def _write_cycles(self, cycles: NDArray[np.float64]) -> None:
+        column = dict(zip(Row._fields, cycles.T, strict=True))
+        logged = self._stamps(column['now'])
+        told = ~np.isnan(column['position'])
+        if told.any():
+            numbers = {name: column[name][told] for name in Row._fields[1:4]}
+            stamps = self._stamps(column['now'][told] + self._about.ahead)
+            rows = self._setpoint.rows(stamps, **numbers)
+            channel = self._channel(f'{self._about.node}/setpoints', JOINT_TRAJECTORY)
+            self._mcap.add_block(channel, logged[told], stamps, rows)
+        sampled = column['sampled']
+        new = np.diff(sampled, prepend=self._sampled) > 0.0
+        self._sampled = sampled[-1]
+        if new.any():
+            stamps = self._stamps(sampled[new])
+            rows = self._feedback.rows(stamps, position=column['feedback'][new])
+            channel = self._channel(self._about.feedback, JOINT_STATE)
+            self._mcap.add_block(channel, logged[new], stamps, rows)
+
+    def _write_readings(self, source: Input, readings: list[Reading]) -> None:
+        stamps = self._stamps([one.now for one in readings])
+        values = np.array([one.value for one in readings])
+        latch = source in LATCHES
+        template = self._messages.latched if latch else self._messages.level
+        channel = self._channel(f'{self._private}/{source}', FLOAT64 if latch else BOOL)
+        self._mcap.add_block(channel, stamps, stamps, template.rows(data=values))
+
+    def _write_edges(self, found: list[Found]) -> None:
+        for one in found:
+            channel = self._channel(f'{self._private}/edges', SWITCH_EDGE)
+            stamp = int(self._stamps(one.time))
+            self._mcap.add(channel, stamp, stamp, self._messages.edge(stamp, one))

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The records between processes: a run that homes, and a node that is killed in a run."""
+
+import io
+
+import pytest
+import ros_harness as ros
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from trajectory_msgs.msg import JointTrajectory
+
+from homing_node import cli
+from homing_node.parameters import yaml_file
+from homing_node.recording import reading
+from homing_node.recording.folder import name_of
+
+
+@pytest.fixture(scope='module')
+def world(tmp_path_factory):
+    """A world whose node records, and the folder of its records."""
+    folder = tmp_path_factory.mktemp('record')
+    records = folder / 'records'
+    (folder / 'world').mkdir()
+    axes = {'x': {'homing_velocity_fast': 0.04}}
+    parameters = ros.node_parameters(axes, record=str(records))
+    with ros.World(folder / 'world', parameters, ros.plant_parameters({'x': {}})) as one:
+        one.records = records
+        yield one
+
+
+def named(world, ended):
+    """Wait for a record whose run has ended so."""
+    return world.client.until(
+        lambda: next((p for p in world.records.glob('*.mcap') if name_of(p).ended == ended), None),
+        what=f'a record {ended}',
+    )
+
+
+def test_a_run_is_recorded(world):
+    setpoints = world.client.record(JointTrajectory, 'setpoints')
+    answer = world.client.home('x')['x']
+    assert answer.success, answer.message
+    heard = len(setpoints)
+    world.client.forget(setpoints)
+    file = named(world, 'Homed')
+    assert name_of(file).node == 'homing_node' and name_of(file).axis == 'x'
+    found = reading.read(file)
+    course = found.course
+    assert not found.cut and course.outcome.success
+    assert f'home_position_raw={course.outcome.home_position_raw:.12g}' in answer.message
+    assert course.states[0] == 'HSSearch' and 'SecondHSSearch' in course.states
+    assert 0.9 * heard <= len(course.samples) <= 1.1 * heard + 5
+    assert max(abs(s.position - s.feedback) for s in course.samples) < 0.005
+    assert {'home_switch'} <= {each.input for each in course.happenings}
+    read = yaml_file.parsed(found.parameters.encode(), file, found.node)
+    configuration = yaml_file.checked(read)
+    assert configuration.axes['x'].homing_velocity_fast == 0.04
+    reader = make_reader(io.BytesIO(file.read_bytes()), True, decoder_factories=[DecoderFactory()])
+    assert reader.get_summary().statistics.message_count == sum(
+        1 for _ in reader.iter_decoded_messages()
+    )
+
+
+def test_of_a_node_that_is_killed_the_run_is_drawn_up_to_there(world, tmp_path, capsys):
+    world.client.set(**{'x.homing_velocity_fast': 0.005, 'x.homing_velocity_slow': 0.004})
+    world.client.start('x')
+    file = named(world, 'Running')
+    size = file.stat().st_size
+    world.client.until(lambda: file.stat().st_size > size + 5_000, what='some chunks')
+    world.client.watch()
+    world.node.signal(9)
+    world.node.wait()
+    world.processes.remove(world.node)
+    picture = tmp_path / 'x.png'
+    assert cli.main(['plot', str(file), '-o', str(picture)]) == 0
+    assert 'drawn up to there' in capsys.readouterr().out
+    assert picture.stat().st_size > 10_000
+    found = reading.read(file)
+    assert found.cut and found.course.outcome is None and len(found.course.samples) > 50
