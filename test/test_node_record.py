@@ -62,7 +62,8 @@ def test_a_run_is_recorded(world):
 
 
 def test_of_a_node_that_is_killed_the_run_is_drawn_up_to_there(world, tmp_path, capsys):
-    world.client.set(**{'x.homing_velocity_fast': 0.005, 'x.homing_velocity_slow': 0.004})
+    slow = world.client.set(x__homing_velocity_slow=0.002, x__homing_velocity_fast=0.003)
+    assert all(one.successful for one in slow), slow
     world.client.start('x')
     file = named(world, 'Running')
     size = file.stat().st_size
