@@ -162,3 +162,25 @@ def test_abandon(dispatch, axes):
     assert dispatch.idle
     assert dispatch.closed
     assert request.outcomes['z'] == Outcome(Error.Canceled, 'axis z: because')
+
+
+def test_a_dry_run_says_the_order_and_what_would_refuse_and_moves_nothing(axes):
+    missing = Outcome(Error.NoController, 'nobody plays the setpoints')
+    dispatch = dispatch_of(axes, (('z',), ('x', 'y')), {'y': missing}.get)
+    axes['x'].refused = Outcome(Error.EmergencyStop, 'the emergency stop is on')
+    found = dispatch.preview(['x', 'y', 'z', 'q'], 0.0)
+    assert found.groups == [('z',), ('x', 'y')]
+    assert [(name, one.error) for name, one in found.missing] == [
+        ('x', 'EmergencyStop'),
+        ('y', 'NoController'),
+        ('q', 'UnknownAxis'),
+    ]
+    assert dispatch.preview(['z'], 0.0).missing == []
+    assert not any(axis.runs for axis in axes.values())
+    dispatch.home(['z'], 'me', 0.0)
+    assert dispatch.preview(['z'], 0.1).missing[0][1].error is Error.Busy
+    dispatch.close()
+    assert dispatch.preview(['x'], 0.2).missing[0] == (
+        '',
+        Outcome(Error.Canceled, 'the node is shutting down'),
+    )

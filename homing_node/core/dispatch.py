@@ -6,7 +6,7 @@ those whose wait has ended.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from ..procedures.states import Error
 from .axis import Axis
@@ -15,6 +15,16 @@ from .request import Request, may_pass
 
 #: What a client waits with.
 Waiter = TypeVar('Waiter')
+
+
+CLOSED = 'the node is shutting down'
+
+
+class DryRun(NamedTuple):
+    """What a request would do: the axes in their groups, and what would refuse which axis."""
+
+    groups: list[tuple[str, ...]]
+    missing: list[tuple[str, Outcome]]
 
 
 class Dispatch(Generic[Waiter]):
@@ -65,22 +75,41 @@ class Dispatch(Generic[Waiter]):
         With ``verify`` their homes are only compared with what is found again.
         """
         if self.closed:
-            return Outcome(Error.Canceled, 'the node is shutting down')
+            return Outcome(Error.Canceled, CLOSED)
         for name in names:
             refusal = self._unknown(name) or self.busy(name) or self._unready(name)
             if refusal is None or (self.ready_timeout and may_pass(refusal)):
                 continue
             return refusal
-        listed = {name for group in self.groups for name in group}
-        groups = [*self.groups, *((name,) for name in names if name not in listed)]
-        wanted = [tuple(name for name in group if name in names) for group in groups]
         request = Request(
-            filter(None, wanted), self._axes, owner, self._unready, self.ready_timeout, verify
+            self.grouped(names), self._axes, owner, self._unready, self.ready_timeout, verify
         )
         request.start(now)
         if not request.done:
             self._active.append((request, self._new_waiter()))
         return request
+
+    def preview(self, names: Sequence[str], now: float) -> DryRun:
+        """Return what homing some axes would do now; nothing moves."""
+        missing: list[tuple[str, Outcome]] = []
+        if self.closed:
+            missing.append(('', Outcome(Error.Canceled, CLOSED)))
+        for name in names:
+            refusal = self._unknown(name)
+            if refusal is None:
+                refusal = self.busy(name) or self._unready(name)
+                refusal = refusal or self._axes[name].refusal(now)
+            if refusal is not None:
+                missing.append((name, refusal))
+        known = [name for name in names if name in self._axes]
+        return DryRun(self.grouped(known), missing)
+
+    def grouped(self, names: Sequence[str]) -> list[tuple[str, ...]]:
+        """Return some axes in the order of the groups; those in no group follow, one by one."""
+        listed = {name for group in self.groups for name in group}
+        groups = [*self.groups, *((name,) for name in names if name not in listed)]
+        wanted = [tuple(name for name in group if name in names) for group in groups]
+        return [group for group in wanted if group]
 
     def busy(self, name: str) -> Outcome | None:
         """Return who homes an axis, or will within a sequence; None where nobody does."""

@@ -27,6 +27,15 @@ RESERVED = frozenset(
     {
         'home',
         'cancel',
+        'change_state',
+        'coordinated',
+        'get_available_states',
+        'get_available_transitions',
+        'get_state',
+        'get_transition_graph',
+        'lifecycle',
+        'locks',
+        'transition_event',
         'setpoints',
         'position_commands',
         'position_joints',
@@ -184,6 +193,18 @@ NODE_DEFINITIONS: Mapping[str, Definition] = table(
         default='<joint>',
     ),
     Definition(
+        'be a managed node: requests are accepted once it is configured and activated',
+        bool,
+        name='lifecycle',
+        default=False,
+    ),
+    Definition(
+        'home only while a coordinator is heard on ~/locks',
+        bool,
+        name='coordinated',
+        default=False,
+    ),
+    Definition(
         'groups of axes that home together, in order, e.g. ["z", "x, y"] '
         '(empty: one after another)',
         list,
@@ -230,6 +251,8 @@ class Configuration(NamedTuple):
     record_runs: int
     record_failures: int
     marker_frame: str
+    lifecycle: bool = False
+    coordinated: bool = False
 
     @property
     def joints(self) -> dict[str, str]:
@@ -270,7 +293,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
             )
         except InvalidParameters as error:
             faults += error.faults
-    faults += _bad_common(values)
+    faults += bad_common(values)
     faults += _unknown(values, names)
     faults += _shared_joints(axes)
     faults += _bad_position_joints(node.get('position_joints', []), axes)
@@ -298,6 +321,8 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         node['record_runs'],
         node['record_failures'],
         node['marker_frame'],
+        node['lifecycle'],
+        node['coordinated'],
     )
 
 
@@ -362,7 +387,8 @@ def _common(name: str) -> bool:
     return name in COMMON_DEFINITIONS or name.startswith('qos_overrides.')
 
 
-def _bad_common(values: Mapping[str, Any]) -> list[str]:
+def bad_common(values: Mapping[str, Any]) -> list[str]:
+    """Return what is wrong with the parameters that every ROS node has."""
     faults = []
     for name, value in values.items():
         try:

@@ -106,6 +106,12 @@ class Error(TextEnum):
     InvalidParameter = 'InvalidParameter'
     UnknownAxis = 'UnknownAxis'
     InternalError = 'InternalError'
+    NotActive = 'NotActive'
+    UnknownCell = 'UnknownCell'
+    CellLost = 'CellLost'
+    ResultLost = 'ResultLost'
+    PrerequisiteMissing = 'PrerequisiteMissing'
+    CoordinatorConflict = 'CoordinatorConflict'
 
 
 class LSType(TextEnum):

@@ -5,16 +5,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
-from rclpy.exceptions import InvalidParameterTypeException
-from rclpy.node import Node
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
 from ..check import Severity, check, errors
 from ..parameters.axis import DEFINITIONS, AxisParameters, axis_parameters
 from ..parameters.configuration import (
     AXIS_DEFINITIONS,
-    COMMON_DEFINITIONS,
     NODE_DEFINITIONS,
     Configuration,
     check_axis_values,
@@ -27,8 +24,9 @@ from ..parameters.connections import (
     Connections,
     connections,
 )
-from ..parameters.definition import Definition, InvalidParameters
+from ..parameters.definition import InvalidParameters
 from . import messages
+from .declaring_node import DeclaringNode
 
 #: Parameters that take effect at the start only.
 FIXED = (
@@ -42,6 +40,8 @@ FIXED = (
     'serialized',
     'memory',
     'record',
+    'lifecycle',
+    'coordinated',
     'joint',
 )
 
@@ -58,10 +58,12 @@ OF_SEVERAL = (
     'record_runs',
     'record_failures',
     'marker_frame',
+    'lifecycle',
+    'coordinated',
 )
 
 
-class ConfiguredNode(Node, ABC):
+class ConfiguredNode(DeclaringNode, ABC):
     """Reads, declares and checks the parameters of the homing node.
 
     ``configuration`` is the one at the start. ``faults``: by axis, the contradictions between
@@ -70,49 +72,29 @@ class ConfiguredNode(Node, ABC):
     """
 
     def __init__(self, name: str, **kwargs: Any) -> None:
-        try:
-            super().__init__(name, automatically_declare_parameters_from_overrides=True, **kwargs)
-        except InvalidParameterTypeException as error:  # of what every node has
-            raise InvalidParameters([str(error)]) from None
-        # rcl makes an empty array a parameter without a value.
-        given = {
-            key: [] if parameter.type_ is Parameter.Type.NOT_SET else parameter.value
-            for key, parameter in self.get_parameters_by_prefix('').items()
-        }
+        super().__init__(name, **kwargs)
+        given = self.given
         self.configuration = configuration(given)
         self.faults: dict[str, tuple[str, ...]] = {}
         self._unwired: dict[str, tuple[str, ...]] = {}  # why an axis lacks a topic
         self._prove(self.configuration)
-        clock = COMMON_DEFINITIONS['use_sim_time']  # rclpy has declared it already
-        self.set_descriptor(clock.name, messages.descriptor(clock, read_only=True))
-        self._declare(NODE_DEFINITIONS, given)
+        self.describe_clock()
+        self.declare(NODE_DEFINITIONS, given)
         for axis, parameters in self.configuration.axes.items():
             implied = {  # by a CiA 402 method
                 f'{axis}.home_direction': parameters.home_direction,
                 f'{axis}.limit_reversal': parameters.limit_reversal,
             }
-            self._declare(AXIS_DEFINITIONS, {**implied, **given}, f'{axis}.')
-
-    def declare_parameters(
-        self, namespace: str, parameters: Any, ignore_override: bool = False
-    ) -> list[Parameter]:
-        """Declare parameters with dynamic types.
-
-        rclpy declares the parameters that the user gives by this call, with static types, which
-        an empty array cannot have.
-        """
-        dynamic = [
-            (name, value, *descriptor)
-            if descriptor and descriptor[0].dynamic_typing
-            else (name, value, ParameterDescriptor(dynamic_typing=True))
-            for name, value, *descriptor in parameters
-        ]
-        return super().declare_parameters(namespace, dynamic, ignore_override)
+            self.declare(AXIS_DEFINITIONS, {**implied, **given}, f'{axis}.')
 
     def serve_parameters(self) -> None:
         """Let parameters be set from now on."""
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
+
+    def fixed(self, key: str) -> bool:
+        """Return whether a parameter takes effect at the start only."""
+        return key in FIXED or key.startswith(FIXED_KINDS)
 
     def topics_of(self, axis: str) -> dict[str, str]:
         """Return what an axis's parameters say of the topics of its inputs."""
@@ -171,25 +153,6 @@ class ConfiguredNode(Node, ABC):
         for finding in findings:
             if finding.severity is Severity.warning:
                 self.get_logger().warning(finding.text)
-
-    def _declare(
-        self,
-        definitions: Mapping[str, Definition],
-        given: Mapping[str, object],
-        prefix: str = '',
-    ) -> None:
-        """Declare parameters with what is known of them, and with the values that were given."""
-        declared, empty = [], []
-        for key, definition in definitions.items():
-            name = prefix + key
-            if self.has_parameter(name):  # without a description until now
-                self.undeclare_parameter(name)
-            value = messages.plain(given.get(name, definition.initial))
-            if value == []:  # rclpy takes it for an array of bytes
-                empty.append(Parameter(name, Parameter.Type.STRING_ARRAY, value))
-            declared.append((name, value, messages.descriptor(definition, read_only=_fixed(key))))
-        self.declare_parameters('', declared, ignore_override=True)
-        self.set_parameters(empty)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters; a bad value is answered with its name, value, bound and unit.
@@ -291,8 +254,3 @@ class ConfiguredNode(Node, ABC):
         """Return those parameters of an axis that have a value."""
         values = {name: self.get_parameter(f'{axis}.{name}').value for name in names}
         return {name: value for name, value in values.items() if value is not None}
-
-
-def _fixed(key: str) -> bool:
-    """Return whether a parameter takes effect at the start only."""
-    return key in FIXED or key.startswith(FIXED_KINDS)

@@ -13,8 +13,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from ..parameters.definition import InvalidParameters
+from .managed_node import ManagedNode
 from .middleware import shared_memory_hazard
-from .node import HomingNode
 
 #: Longest wait for the last answers to leave after the axes have stopped, s.
 FAREWELL = 1.0
@@ -36,7 +36,7 @@ def _signal_pipe() -> int:
     return reader
 
 
-def _send_last_answers(node: HomingNode, executor: SingleThreadedExecutor) -> None:
+def _send_last_answers(node: ManagedNode, executor: SingleThreadedExecutor) -> None:
     """Let the executor answer the requests that have ended with the node."""
     begun = last = time.monotonic()
     while (now := time.monotonic()) < min(last + LAST_RESULT, begun + FAREWELL):
@@ -55,7 +55,7 @@ def main(args: list[str] | None = None) -> int:
         print(f'homing_node: {error}{hint if "bool" in str(error) else ""}', file=sys.stderr)
         return 1
     try:
-        node = HomingNode()
+        node = ManagedNode()
     except InvalidParameters as error:
         print(
             'homing_node: the parameters are not valid:',

@@ -18,6 +18,7 @@ from rclpy.node import Node
 from ..core.axis import Axis
 from ..core.kept_home import Ended
 from ..core.outcome import Outcome
+from ..memory.expected import expected_duration
 from ..memory.fingerprint import configuration_hash
 from ..memory.folder import Folder, FolderInUse, folder_path, this_boot, this_machine
 from ..memory.keeper import Keeper
@@ -216,6 +217,12 @@ class Memories:
     def configure(self, name: str, parameters: AxisParameters) -> None:
         """Use new parameters of an axis; the lock is held."""
         self.keepers[name].configure(parameters, self._hash(name))
+
+    def expected(self, name: str) -> float:
+        """Return how long a run of an axis takes, s; NaN if not known. The lock is held."""
+        p = self._axes[name].parameters
+        runs = self.keepers[name].memory.runs
+        return expected_duration(runs, p.homing_velocity_fast, p.homing_velocity_slow)
 
     def accept(self, axis: Axis) -> str:
         """Accept the home that an axis has found last; the lock is held.

@@ -18,6 +18,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from ..core.axis import Axis
+from ..core.dispatch import DryRun
 from ..core.outcome import Outcome
 from ..parameters.definition import Definition
 from ..procedures.states import Error, State
@@ -146,6 +147,23 @@ def _home_text(outcome: Outcome) -> str:
 
 def _warned(text: str, outcome: Outcome) -> str:
     return ' | warning: '.join([text, *outcome.warnings])
+
+
+def dry_run(run: DryRun, durations: Sequence[float], states: Sequence[AxisState]) -> Home.Result:
+    """Return the answer to a dry run: the order, the time of each step, what is missing."""
+    first = run.missing[0][1] if run.missing else None
+    missing = [
+        ': '.join(filter(None, (name, str(one.error), one.message))) for name, one in run.missing
+    ]
+    return Home.Result(
+        success=not missing,
+        message=f'{first.error}: {first.message}' if first else 'dry run: nothing is missing',
+        error_code=ERROR_CODES[first.error] if first else 0,
+        states=list(states),
+        steps=[', '.join(group) for group in run.groups],
+        durations=[float(one) for one in durations],
+        missing=missing,
+    )
 
 
 def cancel_message(moving: Sequence[str], waiting: Sequence[str]) -> str:

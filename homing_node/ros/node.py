@@ -37,6 +37,7 @@ from .handovers import Handovers
 from .input_status import InputStatus
 from .inputs import Inputs
 from .joint_order import JointOrder
+from .locks import Permissions
 from .memory import Memories
 from .outputs import Outputs
 from .readiness import Readiness
@@ -104,6 +105,8 @@ class HomingNode(ConfiguredNode):
             if isinstance(self._setpoints, PositionSetpoints)
             else None
         )
+        group = ReentrantCallbackGroup()
+        self.permissions = Permissions(self, checked.coordinated, self._lock, group)
         readiness = Readiness(
             lambda: self.faults,
             self._inputs,
@@ -115,8 +118,8 @@ class HomingNode(ConfiguredNode):
             self._timebase,
             self._publishers_of,
             self._any_run,
+            self.permissions.refusal,
         )
-        group = ReentrantCallbackGroup()
         self._waits = Waits(self, group)
         self._dispatch: Dispatch[Future] = Dispatch(
             self._axes,
@@ -316,6 +319,23 @@ class HomingNode(ConfiguredNode):
     def stop(self) -> None:
         """Stop every axis, answer every request, then finish."""
         self._cycle.stop()
+
+    def cancel_all(self) -> None:
+        """Stop every axis, and refuse those that wait for their turn."""
+        with self._lock:
+            self._dispatch.cancel(list(self._axes))
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no axis homes or moves, and none waits for its turn."""
+        with self._lock:
+            return self._dispatch.idle and not any(axis.running for axis in self._axes.values())
+
+    def forget_homes(self) -> None:
+        """Forget the home of every axis."""
+        with self._lock:
+            for axis in self._axes.values():
+                axis.forget_home()
 
     def join(self) -> None:
         """Wait for the threads."""

@@ -32,6 +32,7 @@ class Readiness:
         timebase: TimeBase,
         publishers_of: Callable[[str], list[str]],
         any_run: Callable[[], bool],
+        forbidden: Callable[[str], Outcome | None],
     ) -> None:
         """Keep what is looked at.
 
@@ -46,11 +47,13 @@ class Readiness:
             timebase: The clock of the node.
             publishers_of: Returns the nodes that publish on a topic.
             any_run: Returns whether a run is on.
+            forbidden: Returns why others let an axis not home: a lock, a node that is not active.
         """
         self._faults, self._inputs, self._shared_signals = faults, inputs, shared_signals
         self._controllers, self._order, self._setpoints = controllers, order, setpoints
         self._handovers = handovers
         self._timebase, self._publishers_of, self._any_run = timebase, publishers_of, any_run
+        self._forbidden = forbidden
 
     def unready(self, name: str) -> Outcome | None:
         """Return why an axis cannot home now, else None."""
@@ -60,6 +63,9 @@ class Readiness:
 
     def _wrong(self, name: str) -> Outcome | None:
         """Return why an axis cannot home for a reason that waiting does not mend, else None."""
+        forbidden = self._forbidden(name)
+        if forbidden is not None:
+            return forbidden
         faults = self._faults()
         if name in faults:
             return Outcome(Error.InvalidParameter, '; '.join(faults[name]))

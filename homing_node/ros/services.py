@@ -18,6 +18,7 @@ from ..core.axis import Axis
 from ..core.dispatch import Dispatch
 from ..core.outcome import Outcome
 from ..core.request import Request
+from ..memory.expected import longest
 from ..procedures.states import Error
 from . import messages
 from .memory import Memories
@@ -123,9 +124,10 @@ class Services:
 
         rclpy's client drops a status that comes before the acceptance, and `ros2 action send_goal`
         cancels at Ctrl-C only a goal whose status it knows. The two take different ways, so the
-        status EXECUTING leaves later.
+        status EXECUTING leaves later. A dry run ends at once: nobody cancels it.
         """
-        await self._wait(self._pause(ACCEPTANCE))
+        if not goal.request.dry_run:
+            await self._wait(self._pause(ACCEPTANCE))
         goal.execute()
 
     async def execute(self, goal: Any) -> Home.Result:
@@ -145,6 +147,8 @@ class Services:
     async def _execute(
         self, goal: Any, names: Sequence[str], owner: str, verify: bool
     ) -> Home.Result:
+        if goal.request.dry_run:
+            return self._preview(goal, names)
         key = bytes(goal.goal_id.uuid)
         self._reports.follow(goal, names)
         outcomes = await self._home(names, owner, key, goal.is_cancel_requested, verify)
@@ -160,13 +164,29 @@ class Services:
             goal.abort()
         with self._lock:
             states = self._reports.states(names)
+            steps = self._dispatch.grouped(names)
         failure = messages.first_failure(outcomes)
         return Home.Result(
             success=success,
             message=messages.home_message(outcomes),
             error_code=0 if failure is None else messages.ERROR_CODES[failure.error],
             states=states,
+            steps=[', '.join(group) for group in steps],
         )
+
+    def _preview(self, goal: Any, names: Sequence[str]) -> Home.Result:
+        """Answer what a goal would do; nothing moves."""
+        with self._lock:
+            self._poll()
+            self._memories.look()
+            run = self._dispatch.preview(names, self._timebase.polled)
+            durations = [longest([*map(self._memories.expected, group)]) for group in run.groups]
+            states = self._reports.states(names)
+        if run.missing:
+            goal.abort()
+        else:
+            goal.succeed()
+        return messages.dry_run(run, durations, states)
 
     def cancel_goal(self, goal: Any) -> None:
         """Stop what a goal homes; its result comes when its axes are at rest."""
