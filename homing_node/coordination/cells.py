@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the coordinator knows of a cell: its axes, their last states, and when it was heard.
+
+All times are of the coordinator's own clock at arrival: the clocks of the hosts may disagree.
+"""
+
+import math
+from typing import NamedTuple
+
+from ..procedures.states import Error
+
+#: How much longer a cell may be silent in which nothing homes, s. It sends a state of each axis a
+#: second then; where an axis homes, ten.
+AT_REST = 1.5
+#: A state may overtake another one that is older by less than this, by the clock of the cell, s.
+#: One that is older by more comes from a clock that was set back.
+OVERTAKES = 2.0
+
+
+class Seen(NamedTuple):
+    """What a cell last said of an axis. Positions are raw, m or rad; ``stamp``: its clock, s."""
+
+    homed: bool
+    idle: bool
+    error: str = str(Error.NoError)
+    home_position_raw: float = 0.0
+    home_offset: float = 0.0
+    uncertainty: float = 0.0
+    stamp: float = 0.0
+
+    @property
+    def words(self) -> str:
+        """Say in what state the axis is."""
+        failed = '' if self.error == Error.NoError else f', its last run ended with {self.error}'
+        return f'{"homed" if self.homed else "not homed"}, {self._motion}{failed}'
+
+    @property
+    def _motion(self) -> str:
+        return 'at rest' if self.idle else 'still moving'
+
+
+class Cell:
+    """One cell.
+
+    Attributes:
+        name: its name.
+        node: the full name of its homing node.
+        axes: the axes that it has, None while it has not said so.
+        seen: what it last said of each axis, by the axis's name in the line.
+        heard: when it was heard last, s; -inf: never.
+        owing: the goals of which it sends feedback, ten times a second.
+    """
+
+    def __init__(self, name: str, node: str, timeout: float) -> None:
+        self.name, self.node, self._timeout = name, node, timeout
+        self.axes: tuple[str, ...] | None = None
+        self.seen: dict[str, Seen] = {}
+        self.heard = -math.inf
+        self.owing: set[int] = set()
+
+    def take(self, axis: str, seen: Seen, now: float) -> None:
+        """Take the state of an axis, unless a newer one is known: a result brings one, too."""
+        self.heard = now
+        known = self.seen.get(axis)
+        if known is None or not 0.0 < known.stamp - seen.stamp < OVERTAKES:
+            self.seen[axis] = seen
+
+    def restart(self) -> None:
+        """Forget what a node said that has ended."""
+        self.seen.clear()
+        self.owing.clear()
+        self.axes = None
+
+    def silent(self, now: float) -> bool:
+        """Return whether the cell is silent for too long, or was never heard."""
+        silence = now - self.heard
+        if silence <= self._timeout:
+            return False
+        runs = bool(self.owing) or any(not seen.idle for seen in self.seen.values())
+        return runs or silence > self._timeout + AT_REST
+
+    def lost(self, now: float) -> bool:
+        """Return whether the cell was heard once, and is silent now."""
+        return self.heard > -math.inf and self.silent(now)
+
+    def knows(self, axis: str) -> bool:
+        """Return whether the cell may have an axis; True while it has not said what it has."""
+        return self.axes is None or axis in self.axes
+
+    def holds(self, axis: str, now: float) -> str:
+        """Return why the home of an axis cannot be relied on, '' if the axis is homed."""
+        seen = self.seen.get(axis)
+        if seen is None or self.silent(now):
+            return f'cell {self.name} is silent, so whether {axis} is homed is not known'
+        return '' if seen.homed else f'{axis} is not homed'

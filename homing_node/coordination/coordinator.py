@@ -1,0 +1,415 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The coordinator: knows the cells, runs requests over them, guards what axes require.
+
+The shell calls a method for each event, :meth:`Coordinator.tick` some times a second, and does
+what :meth:`Coordinator.take_asks` returns. Events may be lost, late or doubled: an answer counts
+only with the number of the question that is open. All times are of one monotonic clock, in s.
+"""
+
+from collections.abc import Iterable, Sequence
+
+from ..core.outcome import Outcome
+from ..parameters.line import Line, cell_of, unknown_cell
+from ..procedures.states import Error
+from .cells import Cell, Seen
+from .checking import judge
+from .preview import Preview
+from .request import Request
+from .turn import Ask, Checked, Turn
+from .turn_table import BUSY, UNDER_WAY, Asks, Event, Phase
+
+#: A goal of which nothing was seen for this time is silent, s.
+SILENT = 2.0
+#: When a check that was not answered is repeated, s.
+UNANSWERED = 1.0
+#: When a check that met a lock is repeated, and for how long, s.
+LOCKED, INSIST = 0.2, 3.0
+#: After a longer gap between two ticks the coordinator itself did not listen, s.
+DEAF = 0.3
+#: Another coordinator that was not heard for this time is gone, s.
+CLAIM = 3.0
+#: So many goals of requests that have ended are remembered.
+PAST = 2000
+
+
+class Coordinator:
+    """All requests of one coordinator.
+
+    Attributes:
+        line: the parameters.
+        cells: the cells, by name.
+        closed: whether it ends, so that every request is refused.
+    """
+
+    def __init__(self, line: Line) -> None:
+        self.line = line
+        self.cells = {
+            name: Cell(name, node, line.cell_timeout) for name, node in line.nodes.items()
+        }
+        self.closed = False
+        self._requests: list[Request] = []
+        self._previews: list[Preview] = []
+        self._turns: dict[int, tuple[Request, Turn]] = {}  # by the number of a goal or a check
+        self._past: dict[int, str] = {}  # axes by the number of a goal, of requests that ended
+        self._asks: list[Ask] = []
+        self._number = 0
+        self._ticked: float | None = None
+        self._claims: dict[str, tuple[str, float]] = {}  # other coordinators: name, heard
+
+    # ----------------------------------------------------------------------------------- requests
+
+    @property
+    def names(self) -> list[str]:
+        """What a request without names homes: the axes in `steps`; without steps, all axes."""
+        if self.line.steps:
+            return [axis for step in self.line.steps for axis in step]
+        return [axis for cell in self.cells.values() for axis in cell.axes or ()]
+
+    def home(
+        self, names: Sequence[str], owner: str, now: float, force: bool = False
+    ) -> Outcome | Request:
+        """Start homing axes, in the order of `steps`; return why not, or the request.
+
+        Axes that stand in no step home after the others, one after another. ``force``: homed ones
+        are homed again, in spite of `skip_homed`.
+        """
+        names = list(dict.fromkeys(names)) or self.names
+        refusal = self._refusal(names, now)
+        if refusal is not None:
+            return refusal
+        force = force or not self.line.skip_homed
+        request = Request(self._ordered(names), owner, self.line.on_failure, force)
+        self._requests.append(request)
+        self._advance(now)
+        return request
+
+    def preview(self, names: Sequence[str], now: float, force: bool = False) -> Preview:
+        """Ask the cells what homing axes would do; nothing moves."""
+        names = list(dict.fromkeys(names)) or self.names
+        refusal = self._refusal(names, now)
+        known = [name for name in names if self._unknown(name) is None]
+        force = force or not self.line.skip_homed
+        preview = Preview(self.line, self._ordered(known), refusal, force)
+        self._previews.append(preview)
+        self._advance(now)
+        return preview
+
+    def cancel(self, names: Iterable[str], reason: str, now: float) -> list[Turn]:
+        """Stop axes, and refuse those that wait; return the turns that must end."""
+        names = set(names)
+        stopped = []
+        for request in self._requests:
+            for turn in request.to_cancel(names):
+                stopped.append(turn)
+                self._handle(request, turn, Event.Cancel, now, text=reason)
+        self._advance(now)
+        return stopped
+
+    def close(self, now: float) -> None:
+        """Stop everything, and refuse what comes."""
+        self.closed = True
+        self.cancel([name for one in self._requests for name in one.names], 'shutting down', now)
+
+    @property
+    def idle(self) -> bool:
+        """Whether no request is open."""
+        return not self._requests and not self._previews
+
+    def take_asks(self) -> list[Ask]:
+        """Return what is to be asked of the cells, each once."""
+        asks, self._asks = self._asks, []
+        return asks
+
+    def locks(self, cell: str, now: float) -> dict[str, str]:
+        """Return why axes of a cell must not home, '' where they may; those with `requires`."""
+        return {
+            axis: '; '.join(filter(None, (self._holds(one, now) for one in needed)))
+            for axis, needed in self.line.requires.items()
+            if cell_of(axis) == cell
+        }
+
+    # -------------------------------------------------------------------------- events: the cells
+
+    def state(self, axis: str, seen: Seen, now: float) -> None:
+        """Take the state of an axis."""
+        self.cells[cell_of(axis)].take(axis, seen, now)
+        if not seen.idle:
+            for request in self._requests:
+                turn = request.turn_of.get(axis)
+                if turn is not None:
+                    turn.active = now
+
+    def axes(self, cell: str, axes: Sequence[str]) -> None:
+        """Take which axes a cell has, by their names in the line."""
+        self.cells[cell].axes = tuple(axes)
+
+    def restarted(self, cell: str, now: float) -> None:
+        """Take that the node of a cell has restarted: its goals and homes are gone."""
+        self.cells[cell].restart()
+        for request in self._requests:
+            for turn in request.turns:
+                if turn.cell == cell:
+                    self._handle(request, turn, Event.Restarted, now)
+                if turn.phase is Phase.Checking:  # an answer may be of before
+                    self._check(request, turn, now)
+        self._advance(now)
+
+    def claim(self, identity: str, name: str, now: float) -> None:
+        """Take that another coordinator guards a cell of ours."""
+        self._claims[identity] = name, now
+
+    def conflict(self, now: float) -> str:
+        """Return the name of another coordinator that lives, '' if there is none."""
+        alive = [name for name, heard in self._claims.values() if now - heard < CLAIM]
+        return ', '.join(sorted(set(alive)))
+
+    # ------------------------------------------------------------- events: what comes of questions
+
+    def checked(self, number: int, cell: str, answer: Checked, now: float) -> None:
+        """Take the answer of a cell to a check."""
+        for axis, seen in answer.seen.items():
+            self.cells[cell].take(axis, seen, now)
+        for preview in self._previews:
+            preview.checked(number, answer)
+        request, turn = self._turns.get(number, (None, None))
+        if request and turn and turn.check == number and cell in turn.awaited:
+            turn.awaited.discard(cell)
+            turn.answers[cell] = answer
+            if not turn.awaited and turn.phase is Phase.Checking:
+                self._judge(request, turn, now)
+        self._advance(now)
+
+    def accepted(self, number: int, now: float) -> None:
+        """Take that a cell has accepted a goal; one that nobody waits for any more is canceled."""
+        request, turn = self._turns.get(number, (None, None))
+        if request is not None and turn is not None and not turn.ended:
+            self.cells[turn.cell].heard = turn.active = now
+            self._handle(request, turn, Event.Accepted, now)
+            self._advance(now)
+            return
+        axis = turn.axis if turn is not None else self._past.get(number, '')
+        if axis:
+            self._asks.append(Ask(Asks.Cancel, number, cell_of(axis), (axis,)))
+
+    def refused(self, number: int, outcome: Outcome, now: float) -> None:
+        """Take that a cell has refused a goal."""
+        self._answer(number, Event.Refused, now, outcome)
+
+    def result(self, number: int, outcome: Outcome, now: float, seen: Seen | None = None) -> None:
+        """Take the result of a goal: how its axis ended, and its state then."""
+        _, turn = self._turns.get(number, (None, None))
+        if turn is not None and seen is not None and turn.goal == number and not turn.ended:
+            self.cells[turn.cell].take(turn.axis, seen, now)
+        self._answer(number, Event.Result, now, outcome)
+
+    def gone(self, number: int, now: float) -> None:
+        """Take that a cell does not know a goal."""
+        self._answer(number, Event.Gone, now)
+
+    def under_way(self, number: int, now: float) -> None:
+        """Take that a goal is still under way at its cell."""
+        _, turn = self._turns.get(number, (None, None))
+        if turn is not None and turn.goal == number and turn.phase in UNDER_WAY:
+            cell = self.cells[turn.cell]
+            turn.active = cell.heard = now
+            cell.owing.add(number)
+
+    def tick(self, now: float) -> list[Request | Preview]:
+        """Let time pass; return the requests that have ended since the last tick."""
+        gap = 0.0 if self._ticked is None else now - self._ticked
+        self._ticked = now
+        if gap > DEAF:  # nobody listened: a cell that was not heard then is not silent
+            for cell in self.cells.values():
+                cell.heard += gap
+        silent = {name for name, cell in self.cells.items() if cell.lost(now)}
+        for request in self._requests:
+            for turn in request.turns:
+                if not turn.ended:
+                    self._watch(request, turn, silent, now)
+        for preview in self._previews:
+            preview.tick(now)
+        self._advance(now)
+        return self._ended()
+
+    # ------------------------------------------------------------------------------------- inside
+
+    def _refusal(self, names: Sequence[str], now: float) -> Outcome | None:
+        """Return why a request cannot begin."""
+        if self.closed:
+            return Outcome(Error.Canceled, 'the coordinator is shutting down')
+        if not names:
+            text = '`steps` is empty, and no cell has said yet which axes it has'
+            return Outcome(Error.UnknownAxis, text)
+        for name in names:
+            unknown = self._unknown(name)
+            if unknown is not None:
+                return unknown
+        other = self.conflict(now)
+        if other:
+            text = f'{other} guards cells of this line, too; end one of the coordinators'
+            return Outcome(Error.CoordinatorConflict, text)
+        for request in self._requests:
+            busy = [name for name in names if name in request.turn_of]
+            if busy and not request.done:
+                return Outcome(Error.Busy, f'{request.owner} is homing {", ".join(busy)}')
+        return None
+
+    def _unknown(self, name: str) -> Outcome | None:
+        """Return why a name is no axis of the line."""
+        cell = cell_of(name)
+        if not cell:
+            text = f'{name!r} is not an axis of a cell; an axis of the line is named cell1/x'
+            return Outcome(Error.UnknownAxis, text)
+        if cell not in self.cells:
+            return Outcome(Error.UnknownCell, f'{name}: {unknown_cell(cell, self.cells)}')
+        if not self.cells[cell].knows(name):
+            axes = ', '.join(self.cells[cell].axes or ())
+            return Outcome(Error.UnknownAxis, f'{name!r} is none of the axes {axes}')
+        return None
+
+    def _ordered(self, names: Sequence[str]) -> list[tuple[str, ...]]:
+        """Return axes in the order of the steps; the others follow, one by one."""
+        listed = {axis for step in self.line.steps for axis in step}
+        steps = [tuple(axis for axis in step if axis in names) for step in self.line.steps]
+        return [*filter(None, steps), *((name,) for name in names if name not in listed)]
+
+    def _holds(self, axis: str, now: float) -> str:
+        return self.cells[cell_of(axis)].holds(axis, now)
+
+    def _next_number(self, request: Request, turn: Turn) -> int:
+        self._number += 1
+        self._turns[self._number] = request, turn
+        return self._number
+
+    def _handle(
+        self,
+        request: Request,
+        turn: Turn,
+        event: Event,
+        now: float,
+        outcome: Outcome | None = None,
+        text: str = '',
+    ) -> None:
+        """Let an event happen to a turn, and ask what it asks."""
+        before = turn.phase
+        asked = turn.handle(event, now, outcome, text)
+        if turn.phase is not before:
+            turn.active = now
+        for asks in asked:
+            if asks is Asks.Check:
+                self._check(request, turn, now)
+                continue
+            if asks is Asks.Goal:
+                turn.goal = self._next_number(request, turn)
+            self._asks.append(Ask(asks, turn.goal, turn.cell, (turn.axis,)))
+        if turn.ended:
+            self.cells[turn.cell].owing.discard(turn.goal)
+
+    def _answer(
+        self, number: int, event: Event, now: float, outcome: Outcome | None = None
+    ) -> None:
+        request, turn = self._turns.get(number, (None, None))
+        if request is not None and turn is not None and turn.goal == number:
+            self.cells[turn.cell].heard = now
+            self._handle(request, turn, event, now, outcome)
+            self._advance(now)
+
+    def _check(self, request: Request, turn: Turn, now: float) -> None:
+        """Ask the cells of an axis, and of what it requires, for what is homed now."""
+        turn.check = self._next_number(request, turn)
+        turn.again = now + UNANSWERED
+        turn.answers.clear()
+        by_cell: dict[str, list[str]] = {turn.cell: [turn.axis]}
+        for axis in self.line.requires.get(turn.axis, ()):
+            by_cell.setdefault(cell_of(axis), []).append(axis)
+        turn.awaited = set(by_cell)
+        for cell, axes in by_cell.items():
+            self._asks.append(Ask(Asks.Check, turn.check, cell, tuple(axes)))
+
+    def _judge(self, request: Request, turn: Turn, now: float) -> None:
+        """Decide from the answers to a check whether an axis may home."""
+        required = self.line.requires.get(turn.axis, ())
+        verdict = judge(turn.axis, required, turn.answers, request.force)
+        turn.skipped = verdict.skipped
+        if verdict.lock is not None:
+            turn.doubt, turn.again = verdict.lock, now + LOCKED
+        elif verdict.outcome is not None:
+            self._handle(request, turn, Event.Over, now, verdict.outcome)
+        else:
+            self._handle(request, turn, Event.Holds, now)
+
+    def _watch(self, request: Request, turn: Turn, silent: set[str], now: float) -> None:
+        """Let time pass for a turn."""
+        if turn.phase in UNDER_WAY and turn.cell in silent:
+            self._handle(request, turn, Event.Lost, now)
+        elif turn.phase is Phase.Checking and silent & turn.awaited:
+            lost = ', '.join(sorted(silent & turn.awaited))
+            text = f'cell {lost} is silent; nothing was started'
+            self._handle(request, turn, Event.Lost, now, text=text)
+        elif turn.phase is Phase.Checking and now >= turn.again:
+            if turn.doubt is not None and now - turn.since > INSIST:
+                self._handle(request, turn, Event.Over, now, turn.doubt)
+            else:
+                self._check(request, turn, now)
+        elif turn.phase in UNDER_WAY and now - turn.active > SILENT:
+            seen = self.cells[turn.cell].seen.get(turn.axis)
+            if seen is None or seen.idle:
+                self._handle(request, turn, Event.Silent, now)
+        if turn.late(now):
+            self._handle(request, turn, Event.Late, now, text=self._late_text(turn))
+
+    def _late_text(self, turn: Turn) -> str:
+        """Say what is known of an axis whose cell or goal does not answer."""
+        if turn.phase is Phase.Checking:
+            nodes = ', '.join(self.cells[cell].node for cell in sorted(turn.awaited))
+            return f'{nodes} does not answer; is it started, and within reach?'
+        seen = self.cells[turn.cell].seen.get(turn.axis)
+        state = 'no state of it was seen' if seen is None else f'its last state: {seen.words}'
+        return f'waited in vain for {turn.waits}; {state}'
+
+    def _advance(self, now: float) -> None:
+        """Let failures have their consequences, and turns begin that are due."""
+        again = True
+        while again:
+            again = False
+            for request in self._requests:
+                for turn, reason in request.to_stop():
+                    self._handle(request, turn, Event.Cancel, now, text=reason)
+                    again = True
+                for turn in request.due[: max(0, self.line.at_once - self._busy)]:
+                    self._begin(request, turn, now)
+                    again = True
+        for preview in self._previews:
+            while axis := preview.next():
+                self._number += 1
+                preview.asked(self._number, now)
+                self._asks.append(Ask(Asks.Check, self._number, cell_of(axis), (axis,)))
+
+    def _begin(self, request: Request, turn: Turn, now: float) -> None:
+        """Begin a turn, unless a home of an earlier step is lost."""
+        undone = [why for axis in request.earlier if (why := self._holds(axis, now))]
+        if undone:
+            text = f'{turn.axis}: an earlier step does not hold any more: {undone[0]}'
+            lost = Outcome(Error.PrerequisiteMissing, text)
+            self._handle(request, turn, Event.Over, now, lost)
+        else:
+            self._handle(request, turn, Event.Due, now)
+
+    @property
+    def _busy(self) -> int:
+        return sum(turn.phase in BUSY for request in self._requests for turn in request.turns)
+
+    def _ended(self) -> list[Request | Preview]:
+        """Return the requests that have ended, and keep of them only which goals they sent."""
+        ended: list[Request | Preview] = [one for one in self._requests if one.done]
+        if ended:
+            for number, (request, turn) in list(self._turns.items()):
+                if request.done:
+                    del self._turns[number]
+                    self._past[number] = turn.axis
+            for number in list(self._past)[:-PAST]:
+                del self._past[number]
+        ended += [one for one in self._previews if one.done]
+        self._requests = [one for one in self._requests if not one.done]
+        self._previews = [one for one in self._previews if not one.done]
+        return ended
