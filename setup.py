@@ -10,6 +10,7 @@ from setuptools import find_packages, setup
 package = 'homing_node'
 executables = {
     'homing_node': 'homing_node.ros.main:main',
+    'homing_coordinator': 'homing_node.ros.coordinator:main',
     'homed_axes': 'homing_node.ros.homed_axes:main',
     'simulated_axes': 'homing_node.ros.simulated_axes:main',
     'homing': 'homing_node.cli:main',

@@ -26,8 +26,8 @@ def main() -> None:
         'names',
         nargs='*',
         metavar='name',
-        choices=[*NAMES, 'accuracy', []],
-        help=f'{", ".join(NAMES)} (these are run by default) or accuracy',
+        choices=[*NAMES, 'accuracy', 'cells', []],
+        help=f'{", ".join(NAMES)} (these are run by default), accuracy or cells',
     )
     parser.add_argument('--quick', action='store_true', help='only show that it works')
     parser.add_argument('--markdown', action='store_true', help='for doc/performance.md')

@@ -13,6 +13,7 @@ from homing_node.parameters.connections import (
     TYPE_DEFINITIONS,
 )
 from homing_node.parameters.definition import Definition
+from homing_node.parameters.line import LINE_DEFINITIONS
 from homing_node.procedures.states import LSType
 
 PAGE = Path(__file__).resolve().parent.parent / 'doc' / 'parameters.md'
@@ -91,6 +92,14 @@ What follows an output besides its topic: [by other ways](inputs.md#outputs-by-o
 
 """
 
+LINE = """
+# Parameters of the coordinator
+
+`homing_coordinator` homes the axes of many nodes: [many cells](cells.md). An axis is named
+`<cell>/<axis>`. All are read at the start only; a bad file stops it with all faults listed.
+
+"""
+
 
 def page() -> str:
     """Return the whole page."""
@@ -103,6 +112,7 @@ def page() -> str:
     parts += [TOPICS, ', '.join(f'`{name}`' for name in TOPIC_DEFINITIONS), '\n']
     parts += [TYPES, ', '.join(f'`{name}`' for name in TYPE_DEFINITIONS), '\n']
     parts += [COMMANDS, table([*COMMAND_DEFINITIONS.values(), *SERVICE_DEFINITIONS.values()])]
+    parts += [LINE, table(LINE_DEFINITIONS.values())]
     return ''.join(parts)
 
 

@@ -67,6 +67,7 @@ DOMAINS = range(215, 232)
 
 MAINS = {
     'homing_node': 'homing_node.ros.main',
+    'homing_coordinator': 'homing_node.ros.coordinator',
     'homed_axes': 'homing_node.ros.homed_axes',
     'simulated_axes': 'homing_node.ros.simulated_axes',
 }

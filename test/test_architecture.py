@@ -25,13 +25,14 @@ ROOMS = [
     'convert',
     'diagnosis',
     'relay',
+    'coordination',
     'figures',
     'ros',
     'client',
     'cli',
 ]
 #: Rooms that have no ROS, no clock, no thread and no I/O.
-PURE = ['procedures', 'language', 'core', 'course', 'check', 'diagnosis', 'relay']
+PURE = ['procedures', 'language', 'core', 'course', 'check', 'diagnosis', 'relay', 'coordination']
 #: What those may use of the standard library.
 PURE_LIBRARY = {
     'collections',
@@ -65,6 +66,7 @@ ROS = {
     'std_msgs',
     'std_srvs',
     'trajectory_msgs',
+    'unique_identifier_msgs',
 }
 #: Packages of ROS that need not be installed; who imports them does without.
 OPTIONAL = {'control_msgs', 'controller_manager_msgs'}

@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from homing_node.parameters.definition import InvalidParameters
+from homing_node.parameters.line import line
 from homing_node.parameters.yaml_file import load, read
 from homing_node.plant.layout import AxisLayout, SwitchLayout
 from homing_node.procedures.states import Error
@@ -109,7 +110,17 @@ def test_example_homes_as_it_stands(name):
 
 
 def test_every_example_is_tested():
-    assert {f.name for f in CONFIG.glob('*.yaml')} == {*MACHINES, 'simulated_axes.yaml'}
+    assert {f.name for f in CONFIG.glob('*.yaml')} == {
+        *MACHINES,
+        'simulated_axes.yaml',
+        'line.yaml',
+    }
+
+
+def test_the_line_names_axes_of_the_demo():
+    found = line(read(CONFIG / 'line.yaml', '/homing_coordinator').values)
+    axes = {f'{cell}/{axis}' for cell in found.nodes for axis in load(CONFIG / 'demo.yaml').axes}
+    assert {axis for step in found.steps for axis in step} == axes
 
 
 def test_order_of_the_xyz_machine():

@@ -333,6 +333,7 @@ def test_every_parameter_that_is_named_exists():
         'home_sequence',
         'home_position_raw',
         'home_offset',
+        'homing_coordinator',
         'home_source',
         'home_types',
         'switch_controller',  # a service
@@ -344,7 +345,7 @@ def test_every_parameter_that_is_named_exists():
 def test_every_python_file_that_is_named_exists():
     existing = {
         path.name
-        for folder in ('homing_node', 'test', 'scripts')
+        for folder in ('homing_node', 'test', 'scripts', 'examples')
         for path in (ROOT / folder).rglob('*.py')
     }
     for page in PAGES:
@@ -377,6 +378,7 @@ def demo(tmp_path_factory):
         (config / 'simulated_axes.yaml').read_text(),
         arguments=[word for value in patient for word in ('-p', value)],
     ) as world:
+        world.run('homing_coordinator', (config / 'line.yaml').read_text())
         yield world
 
 

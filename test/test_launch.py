@@ -9,10 +9,13 @@ import pytest
 import yaml
 from launch_stand_in import launched
 
+from homing_node.parameters.line import line
+from homing_node.parameters.yaml_file import read
+
 ROOT = Path(__file__).resolve().parent.parent
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
-DEMO, HOMED, HOMING = (
-    ROOT / 'launch' / f'{name}.launch.py' for name in ('demo', 'homed_machine', 'homing')
+DEMO, HOMED, HOMING, LINE = (
+    ROOT / 'launch' / f'{name}.launch.py' for name in ('demo', 'homed_machine', 'homing', 'line')
 )
 SETUP = (ROOT / 'setup.py').read_text()
 CONFIG = {'config': str(ROOT / 'config' / 'one_axis.yaml')}
@@ -28,6 +31,8 @@ OTHERS = {
     'setpoint_topic': '/axes_controller/commands',
     'use_sim_time': 'true',
     'simulated': 'true',
+    'line': '/tmp/line.yaml',
+    'cells': 'cell7',
     'log_level': 'debug',
 }
 
@@ -52,7 +57,7 @@ def commands(context):
 
 
 def test_there_are_launch_files():
-    assert FILES == [DEMO, HOMED, HOMING]
+    assert FILES == [DEMO, HOMED, HOMING, LINE]
 
 
 @each_file
@@ -73,7 +78,8 @@ def test_every_argument_has_a_text_and_an_effect(path, tmp_path):
         assert argument.description
         # The simulated axes are not started by default.
         given = {**CONFIG, 'simulated': 'true'} if name == 'plant' and path == HOMED else CONFIG
-        changed = launched(path, tmp_path, **{**given, name: OTHERS[name]})
+        other = 'false' if name == 'simulated' and path == LINE else OTHERS[name]
+        changed = launched(path, tmp_path, **{**given, name: other})
         assert commands(changed) != commands(launched(path, tmp_path, **given)), name
 
 
@@ -94,6 +100,20 @@ def test_a_homed_machine_has_its_relay(tmp_path):
     own = yaml.safe_load(Path(plant.option('--params-file')[-1]).read_text())
     assert own == {'/**': {'ros__parameters': {'controller': 'axes_controller'}}}
     assert plant.option('-r') == ['__ns:=/cell']
+
+
+def test_a_line_has_a_coordinator_and_a_machine_in_each_cell(tmp_path):
+    coordinator, *cells = launched(LINE, tmp_path).started
+    assert coordinator.executable == 'homing_coordinator'
+    (file,) = coordinator.option('--params-file')
+    nodes = line(read(file, '/homing_coordinator').values).nodes
+    own = {
+        cell: [one.executable for one in cells if one.option('-r') == [f'__ns:=/{cell}']]
+        for cell in nodes
+    }
+    both = ['homing_node', 'simulated_axes']
+    assert own == {'cell1': both, 'cell2': both}
+    assert launched(LINE, tmp_path, cells='').started == [coordinator]
 
 
 def test_homing_needs_a_configuration(tmp_path):

@@ -5,17 +5,19 @@ from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool, Float64
 
 from homing_node.core.axis import Axis
+from homing_node.core.dispatch import DryRun
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import axis_parameters
 from homing_node.parameters.configuration import AXIS_DEFINITIONS, NODE_DEFINITIONS
 from homing_node.parameters.wiring import Place, Wiring
 from homing_node.procedures.states import Error, Input, State
-from homing_node.ros import messages
+from homing_node.ros import cell_messages, messages
 from homing_node.ros.input_status import InputStatus
 
 
@@ -176,3 +178,49 @@ def test_the_diagnostics_say_what_comes_from_each_input(axis):
     assert values['home_switch'] == 'on, 0.940 s, 50 Hz, /io/din3#data'
     assert values['positive_limit_switch'] == 'off, 0.500 s, on change, -'
     assert values['negative_limit_switch'] == 'unknown, -, -, -'
+
+
+def test_the_answer_to_a_dry_run():
+    stop = Outcome(Error.EmergencyStop, 'axis x: the emergency stop is on')
+    run = DryRun([('z',), ('x', 'y')], [('x', stop)])
+    answer = messages.dry_run(run, [1.5, float('nan')], [AxisState(axis='x')])
+    assert not answer.success
+    assert answer.message == 'EmergencyStop: axis x: the emergency stop is on'
+    assert answer.error_code == AxisState.EMERGENCY_STOP
+    assert answer.steps == ['z', 'x, y']
+    assert answer.durations[0] == 1.5
+    assert answer.durations[1] != answer.durations[1]
+    assert answer.missing == ['x: EmergencyStop: axis x: the emergency stop is on']
+    good = messages.dry_run(run._replace(missing=[]), [1.5, 2.0], [])
+    assert (good.success, good.error_code, list(good.missing)) == (True, 0, [])
+
+
+def test_a_cell_says_the_same_as_its_coordinator_reads():
+    stop = Outcome(Error.PrerequisiteMissing, 'axis x: cell1/z is not homed')
+    closed = Outcome(Error.Canceled, 'the node is shutting down')
+    run = DryRun([('x', 'y')], [('', closed), ('x', stop)])
+    answer = messages.dry_run(run, [2.0], [AxisState(axis='x', state='Idle', homed=True)])
+    read = cell_messages.checked('hall/cell2', ['hall/cell2/x', 'hall/cell2/y'], answer)
+    assert read.seen['hall/cell2/x'].homed
+    assert read.seen['hall/cell2/x'].idle
+    assert read.missing == {
+        'hall/cell2/x': (
+            'Canceled: the node is shutting down',
+            'PrerequisiteMissing: axis x: cell1/z is not homed',
+        ),
+        'hall/cell2/y': ('Canceled: the node is shutting down',),
+    }
+    assert read.duration == 2.0
+
+
+def test_how_a_goal_of_a_cell_ended():
+    state = AxisState(axis='x', home_position_raw=0.25, home_offset=0.5, uncertainty=0.1)
+    good = cell_messages.outcome('cell1', Home.Result(success=True, states=[state]))
+    assert (good.success, good.home_position_raw, good.home_offset) == (True, 0.25, 0.5)
+    bad = Home.Result(error_code=AxisState.LS_TRIGGERED, message='LSTriggered: axis x: hit')
+    assert cell_messages.outcome('cell1', bad) == Outcome(
+        Error.LSTriggered, 'cell cell1: axis x: hit'
+    )
+    unknown = Home.Result(error_code=9999, message='from the future')
+    assert cell_messages.outcome('cell1', unknown).error is Error.InternalError
+    assert not cell_messages.outcome('cell1', Home.Result()).success

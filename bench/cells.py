@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A line of cells: what a cell and the coordinator need, at rest and while a line homes in steps.
+
+Each cell is a process with 32 axes at a low rate; this process plays the drives of all of them.
+Everything runs on this machine, which the figures describe.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import rclpy
+from figures import Figure, nth
+from graph import EXECUTABLE, free_domain
+from homing_interfaces.action import Home
+from homing_interfaces.msg import AxisState
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+AXES, STEPS = 32, 8
+RATE, FEEDBACK = 20.0, 20.0  # Hz, of a node's cycle and of its feedback
+REST = 10.0  # s, that the line is measured at rest
+PATIENCE = 180.0  # s
+LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+NAMES = [f'a{i}' for i in range(AXES)]
+#: An axis that moves without a switch: home is where it is, then it goes 5 mm further.
+AXIS = {
+    'home_type': 'CurrentPos',
+    'travel': 1.0,
+    'homing_velocity_fast': 0.01,
+    'home_shift_distance': 0.005,
+    'feedback_timeout': 10.0,
+}
+PAGE = os.sysconf('SC_PAGE_SIZE')
+
+
+class Usage(NamedTuple):
+    """Processor time, s, and memory, MB, of a process."""
+
+    processor: float
+    memory: float
+
+
+def usage(process: 'subprocess.Popen[bytes]') -> Usage:
+    """Return what a process has used."""
+    fields = Path(f'/proc/{process.pid}/stat').read_text().rpartition(')')[2].split()
+    ticks = int(fields[11]) + int(fields[12])
+    return Usage(ticks / os.sysconf('SC_CLK_TCK'), int(fields[21]) * PAGE / 1e6)
+
+
+class Line:
+    """The processes of a line, its drives, and a user's client."""
+
+    def __init__(self, cells: int) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix='homing_bench_'))
+        self.domain, self._lock = free_domain()
+        self.cells = [f'cell{i}' for i in range(1, cells + 1)]
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=self.domain)
+        self.node = rclpy.create_node(
+            'user', context=self.context, enable_rosout=False, start_parameter_services=False
+        )
+        self._drives = rclpy.create_node(
+            'drives', context=self.context, enable_rosout=False, start_parameter_services=False
+        )
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self.positions = {cell: [0.1] * AXES for cell in self.cells}
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._drive)
+        self._thread.start()
+        self.nodes = [self._run('homing_node', self._cell(), cell) for cell in self.cells]
+        self.coordinator = self._run('homing_coordinator', self._line(), '')
+        self.states: list[tuple[float, float]] = []  # age, s, and time of each state
+        self._watched = [
+            self._drives.create_subscription(
+                AxisState, f'/homing_coordinator/{cell}/{name}/state', print, LATCHED, raw=True
+            )
+            for cell in self.cells
+            for name in NAMES[:STEPS]
+        ]
+        self.action = ActionClient(self.node, Home, '/homing_coordinator/home')
+
+    def close(self) -> None:
+        for process in (self.coordinator, *self.nodes):
+            process.send_signal(signal.SIGINT)
+        for process in (self.coordinator, *self.nodes):
+            process.wait(60.0)
+        self._ended.set()
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._drives.destroy_node()
+        rclpy.shutdown(context=self.context)
+        self._lock.close()
+
+    def _cell(self) -> str:
+        lines = ['/**:', '  ros__parameters:', f'    axes: {NAMES}', f'    update_rate: {RATE}']
+        lines += ['    memory: ""', '    cycle_timeout: 10.0', '    ready_timeout: 60.0']
+        for name in NAMES:
+            lines.append(f'    {name}:')
+            lines += [f'      {key}: {value}' for key, value in AXIS.items()]
+        return '\n'.join(lines) + '\n'
+
+    def _line(self) -> str:
+        steps = [', '.join(f'{cell}/{name}' for cell in self.cells) for name in NAMES[:STEPS]]
+        nodes = [f'/{cell}/homing_node' for cell in self.cells]
+        lines = ['/**:', '  ros__parameters:', f'    nodes: {nodes}', f'    steps: {steps}']
+        requires = [f'{cell}/{NAMES[1]}: {self.cells[0]}/{NAMES[0]}' for cell in self.cells]
+        lines += [f'    requires: {requires}', '    cell_timeout: 20.0', '    at_once: 16']
+        return '\n'.join(lines) + '\n'
+
+    def _run(self, name: str, parameters: str, namespace: str) -> 'subprocess.Popen[bytes]':
+        file = self.folder / f'{name}_{namespace}.yaml'
+        file.write_text(parameters)
+        environment = {
+            **os.environ,
+            'ROS_DOMAIN_ID': str(self.domain),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'ROS_LOG_DIR': str(self.folder / 'log'),
+        }
+        environment.pop('ROS_PYTHON_CHECK_FIELDS', None)
+        arguments = ['--ros-args', '--params-file', str(file)]
+        arguments += ['-r', f'__ns:=/{namespace}'] if namespace else []
+        with (self.folder / f'{name}_{namespace}.log').open('w') as output:
+            return subprocess.Popen(
+                [sys.executable, str(EXECUTABLE.with_name(name)), *arguments],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+            )
+
+    def _drive(self) -> None:
+        """Follow the setpoints of every cell, and say where its axes are."""
+        node = self._drives
+        setpoints = {
+            cell: node.create_subscription(
+                JointTrajectory, f'/{cell}/homing_node/setpoints', print, 100
+            )
+            for cell in self.cells
+        }
+        publishers = {
+            cell: node.create_publisher(JointState, f'/{cell}/joint_states', 10)
+            for cell in self.cells
+        }
+        due = time.monotonic()
+        while not self._ended.is_set():
+            due = max(due + 1.0 / FEEDBACK, time.monotonic())
+            time.sleep(max(0.0, due - time.monotonic()))
+            for cell, subscription in setpoints.items():
+                while taken := subscription.handle.take_message(JointTrajectory, False):
+                    message, _ = taken
+                    for name, position in zip(
+                        message.joint_names, message.points[0].positions, strict=True
+                    ):
+                        self.positions[cell][NAMES.index(name)] = position
+                state = JointState(name=NAMES, position=self.positions[cell])
+                stamp = time.time_ns()
+                state.header.stamp.sec = stamp // 1_000_000_000
+                state.header.stamp.nanosec = stamp % 1_000_000_000
+                publishers[cell].publish(state)
+
+    # ------------------------------------------------------------------------------- the user
+
+    def spin(self) -> None:
+        self._executor.spin_once(timeout_sec=0.02)
+        for subscription in self._watched:
+            while taken := subscription.handle.take_message(AxisState, True):
+                now = time.time()
+                stamp = deserialize_message(taken[0], AxisState).header.stamp
+                self.states.append((now - stamp.sec - stamp.nanosec * 1e-9, now))
+
+    def until(self, condition: Callable[[], Any], what: str) -> Any:
+        end = time.monotonic() + PATIENCE
+        while not (found := condition()):
+            self.spin()
+            if time.monotonic() > end:
+                raise TimeoutError(what)
+        return found
+
+    def wait(self, seconds: float) -> None:
+        """Listen for a while."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.spin()
+
+    def home(self, **goal: Any) -> Home.Result:
+        sent = self.action.send_goal_async(Home.Goal(**goal))
+        self.until(sent.done, 'the goal')
+        result = sent.result().get_result_async()
+        self.until(result.done, 'the result')
+        return result.result().result
+
+    def ages(self, since: float) -> list[float]:
+        return [age for age, when in self.states if when > since]
+
+
+class Part(NamedTuple):
+    """What was measured in a part of a case: of a cell, of the coordinator; ages in s."""
+
+    cell: float  # processor, % of a core
+    coordinator: float
+    ages: list[float]
+    lasted: float
+
+
+def measured(line: Line, work: Callable[[], Any]) -> Part:
+    """Measure the processes while something is done."""
+    before = [usage(one).processor for one in (*line.nodes, line.coordinator)]
+    begun, since = time.monotonic(), time.time()
+    work()
+    lasted = time.monotonic() - begun
+    after = [usage(one).processor for one in (*line.nodes, line.coordinator)]
+    *cells, coordinator = [100.0 * (b - a) / lasted for a, b in zip(before, after, strict=True)]
+    return Part(sum(cells) / len(cells), coordinator, line.ages(since), lasted)
+
+
+def case(cells: int, rest: float) -> Iterator[Figure]:
+    """Yield the figures of a line with a number of cells."""
+    line = Line(cells)
+    try:
+        begun = time.monotonic()
+        line.until(line.action.server_is_ready, 'the coordinator')
+        line.until(lambda: not line.home(dry_run=True).missing, 'all cells')
+        started = time.monotonic() - begun
+        line.wait(3.0)
+        at_rest = measured(line, lambda: line.wait(rest))
+        homing = measured(line, lambda: check(line.home(force=True)))
+        memory = [usage(one).memory for one in line.nodes]
+        own = usage(line.coordinator).memory
+    finally:
+        line.close()
+    what = f'{cells} cells × {AXES} axes'
+    yield Figure(f'{what}: until every cell answers', 's', [started])
+    yield Figure(f'{what}: {STEPS} steps of {cells} axes', 's', [homing.lasted])
+    for name, part in (('at rest', at_rest), ('homing', homing)):
+        yield Figure(f'{what}, {name}: processor of a cell', '% of a core', [part.cell])
+        yield Figure(f'{what}, {name}: of the coordinator', '% of a core', [part.coordinator])
+        old = 1000.0 * nth(part.ages, 0.99)
+        yield Figure(
+            f'{what}, {name}: age of a state, 99 of 100', 'ms', [old], (), '≤ 200', old <= 200.0
+        )
+    yield Figure(f'{what}: memory of a cell', 'MB', [sum(memory) / cells])
+    yield Figure(f'{what}: memory of the coordinator', 'MB', [own])
+
+
+def check(result: Home.Result) -> None:
+    """See that the whole line was homed."""
+    if not result.success:
+        raise RuntimeError(result.message)
+
+
+def figures(quick: bool = False) -> Iterator[Figure]:
+    """Yield the figures of 4, 8 and 16 cells; `CELLS=4,8` chooses others."""
+    chosen = os.environ.get('CELLS', '2' if quick else '4,8,16')
+    for cells in map(int, chosen.split(',')):
+        yield from case(cells, 2.0 if quick else REST)

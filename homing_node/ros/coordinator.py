@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The executable `homing_coordinator`: homes the axes of many cells, in steps.
+
+It moves nothing: it sends goals to the homing nodes of the cells, watches their states, cancels,
+and keeps axes locked whose prerequisites do not hold (coordination/). Its action, services and
+state topics are those of a homing node; an axis of it is `<cell>/<axis>`.
+"""
+
+import signal
+import sys
+import time
+import uuid
+from collections.abc import Sequence
+from typing import Any
+
+import rclpy
+from homing_interfaces.action import Home
+from homing_interfaces.msg import AxisState
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from ..coordination.coordinator import Coordinator
+from ..coordination.preview import Preview
+from ..coordination.request import Request
+from ..core.locks import REPEATED
+from ..core.outcome import Outcome
+from ..parameters.definition import InvalidParameters
+from ..parameters.line import LINE_DEFINITIONS, cell_of, line
+from ..procedures.states import Error
+from . import cell_messages
+from .cell_link import CellLink
+from .declaring_node import DeclaringNode
+from .services import ACCEPTANCE
+from .subscriptions import Subscriptions
+from .waits import Waits
+
+#: How often the cells are looked at, and feedback is sent to goals, s.
+TICK, FEEDBACK = 0.05, 0.1
+#: Longest wait for a node to stop an axis, s.
+STOP = 10.0
+#: How long the process stays after its last answer, s.
+LINGER = 0.2
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class HomingCoordinator(DeclaringNode):
+    """The coordinator. Raises InvalidParameters, with every fault, if the parameters are bad."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__('homing_coordinator', **kwargs)
+        self._core = Coordinator(line(self.given))
+        self.describe_clock()
+        self.declare(LINE_DEFINITIONS, self.given)
+        self._group = ReentrantCallbackGroup()
+        self._waits = Waits(self, self._group)
+        self._states: dict[str, AxisState] = {}
+        self._state_topics: dict[str, Any] = {}
+        self._changed: dict[int, dict[str, AxisState]] = {}  # for the feedback of each goal
+        self._goals: dict[int, tuple[Any, Request]] = {}
+        self._by_id: dict[bytes, Request] = {}
+        self._ends: list[tuple[Request | Preview, Future]] = []
+        identity, subscriptions = uuid.uuid4().hex, Subscriptions(self)
+        self._links = {
+            cell: CellLink(
+                self,
+                self._core,
+                cell,
+                subscriptions,
+                identity,
+                self._add_axis,
+                self._take_state,
+                self._ask,
+            )
+            for cell in self._core.cells
+        }
+        for axis in dict.fromkeys([*self._named()]):
+            self._add_axis(axis)
+        self._serve(Trigger, '~/home', self._home_service([], '~/home'))
+        self._serve(Trigger, '~/cancel', self._cancel_service(''))
+        self._action = ActionServer(
+            self,
+            Home,
+            '~/home',
+            self._execute,
+            callback_group=self._group,
+            handle_accepted_callback=self._accept,
+            cancel_callback=self._cancel_goal,
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(TICK, self._tick, callback_group=self._group, clock=steady)
+        self.create_timer(FEEDBACK, self._feedback, callback_group=self._group, clock=steady)
+
+    def stop(self) -> None:
+        """Stop what this coordinator homes, and refuse what comes."""
+        self._core.close(time.monotonic())
+        self._ask()
+
+    @property
+    def finished(self) -> bool:
+        """Whether every request has its answer."""
+        return self._core.idle and not self._ends
+
+    # ------------------------------------------------------------------------------ the cells
+
+    def _named(self) -> Sequence[str]:
+        """Return the axes that the parameters name."""
+        given = self._core.line
+        named = [axis for step in given.steps for axis in step]
+        for axis, needed in given.requires.items():
+            named += [axis, *needed]
+        return named
+
+    def _add_axis(self, axis: str) -> None:
+        """Serve an axis, and follow its states."""
+        if axis in self._state_topics:
+            return
+        self._state_topics[axis] = self.create_publisher(AxisState, f'~/{axis}/state', LATCHED)
+        self._links[cell_of(axis)].watch(axis)
+        self._serve(Trigger, f'~/{axis}/home', self._home_service([axis], f'~/{axis}/home'))
+        self._serve(Trigger, f'~/{axis}/cancel', self._cancel_service(axis))
+
+    def _serve(self, kind: Any, name: str, callback: Any) -> None:
+        self.create_service(kind, name, callback, callback_group=self._group)
+
+    def _take_state(self, axis: str, state: AxisState) -> None:
+        """Publish a state under the axis's name in the line."""
+        state = self._states[axis] = cell_messages.of_line(axis, state)
+        self._state_topics[axis].publish(state)
+        for number, (_, request) in self._goals.items():
+            if axis in request.turn_of:
+                self._changed[number][axis] = state
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        for link in self._links.values():
+            link.poll(now)
+        ended = self._core.tick(now)
+        for link in self._links.values():
+            link.say_locks(now, REPEATED)
+        self._ask()
+        for one, future in list(self._ends):
+            if one in ended:
+                self._ends.remove((one, future))
+                future.set_result(None)
+
+    def _ask(self) -> None:
+        """Ask the cells what the core wants to know or to have."""
+        while asks := self._core.take_asks():
+            for ask in asks:
+                self._links[ask.cell].ask(ask)
+
+    def _end_of(self, one: Request | Preview) -> Future:
+        """Return what is set when a request has ended."""
+        future = self._waits.future()
+        self._ends.append((one, future))
+        self._ask()
+        return future
+
+    # --------------------------------------------------------------------------- the services
+
+    def _home_service(self, names: list[str], owner: str) -> Any:
+        async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            begun = self._core.home(names, owner, time.monotonic())
+            if isinstance(begun, Outcome):
+                response.message = f'{begun.error}: {begun.message}'
+                return response
+            await self._end_of(begun)
+            response.success = all(one.success for one in begun.outcomes.values())
+            response.message = cell_messages.words(begun)
+            return response
+
+        return serve
+
+    def _cancel_service(self, axis: str) -> Any:
+        """Return a server that stops an axis, '' for all, and answers when it rests.
+
+        The nodes stop whatever homes there, also what this coordinator did not ask for.
+        """
+
+        async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            names = [axis] if axis else list(self._state_topics)
+            self._core.cancel(names, 'canceled', time.monotonic())
+            self._ask()
+            cells = [cell_of(axis)] if axis else list(self._links)
+            name = f'{cell_messages.local(axis)}/cancel' if axis else 'cancel'
+            sent = {cell: self._links[cell].trigger(name) for cell in cells}
+            until = time.monotonic() + STOP
+            while time.monotonic() < until and not all(f.done() for f in sent.values() if f):
+                await self._waits.pause(TICK)
+            said, lost = [], []
+            for cell, future in sent.items():
+                answered = future is not None and future.done()
+                if answered and future.result().success:
+                    said.append(f'{cell}: {future.result().message}')
+                else:
+                    lost.append(cell)
+            response.success = not lost
+            response.message = '; '.join(said)
+            if lost:
+                text = f'{Error.CellLost}: no answer of {", ".join(lost)}; whether its axes rest '
+                response.message = '; '.join([f'{text}is not known', *said])
+            return response
+
+        return serve
+
+    # ----------------------------------------------------------------------------- the action
+
+    async def _accept(self, goal: Any) -> None:
+        """Execute a goal once its client can have the acceptance (see Services.accept)."""
+        await self._waits.pause(ACCEPTANCE)
+        goal.execute()
+
+    async def _execute(self, goal: Any) -> Home.Result:
+        names, now = list(goal.request.axes), time.monotonic()
+        if goal.request.dry_run:
+            preview = self._core.preview(names, now, goal.request.force)
+            await self._end_of(preview)
+            result = cell_messages.dry_run(preview, self._states)
+            goal.succeed() if result.success else goal.abort()
+            return result
+        if goal.is_cancel_requested:
+            goal.canceled()
+            text = 'canceled before anything moved'
+            return cell_messages.refusal(Outcome(Error.Canceled, text))
+        begun = self._core.home(names, '~/home (action)', now, goal.request.force)
+        if isinstance(begun, Outcome):
+            goal.abort()
+            return cell_messages.refusal(begun)
+        key, number = bytes(goal.goal_id.uuid), id(begun)
+        self._by_id[key], self._goals[number], self._changed[number] = begun, (goal, begun), {}
+        await self._end_of(begun)
+        for kept, one in ((self._by_id, key), (self._goals, number), (self._changed, number)):
+            kept.pop(one, None)
+        result = cell_messages.result(begun, self._states)
+        if result.success:
+            goal.succeed()
+        elif goal.is_cancel_requested:
+            goal.canceled()
+        else:
+            goal.abort()
+        return result
+
+    def _cancel_goal(self, goal: Any) -> CancelResponse:
+        request = self._by_id.get(bytes(goal.goal_id.uuid))
+        if request is not None:
+            self._core.cancel(request.names, 'canceled', time.monotonic())
+            self._ask()
+        return CancelResponse.ACCEPT
+
+    def _feedback(self) -> None:
+        """Send each goal the states that have changed: a line may have hundreds of axes."""
+        for number, (goal, _) in list(self._goals.items()):
+            changed, self._changed[number] = self._changed[number], {}
+            if changed and goal.is_active:
+                come = [
+                    self._links[cell_of(axis)].progress.get(axis, (0.0, 0.0)) for axis in changed
+                ]
+                goal.publish_feedback(
+                    Home.Feedback(
+                        states=list(changed.values()),
+                        distance_traveled=[traveled for traveled, _ in come],
+                        distance_bound=[bound for _, bound in come],
+                    )
+                )
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the coordinator until SIGINT or SIGTERM; return the exit status."""
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: signals.append(number))
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rcl cannot read a parameter file
+        print(f'homing_coordinator: {error}', file=sys.stderr)
+        return 1
+    try:
+        node = HomingCoordinator()
+    except InvalidParameters as error:
+        text = 'homing_coordinator: the parameters are not valid:'
+        print(text, *error.faults, sep='\n  ', file=sys.stderr)
+        return 1
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while not signals:
+        executor.spin_once(timeout_sec=0.1)
+    node.stop()
+    while not node.finished:
+        executor.spin_once(timeout_sec=0.01)
+    end = time.monotonic() + LINGER
+    while time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.01)
+    executor.shutdown(1.0)
+    node.destroy_node()
+    rclpy.shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two cells and their coordinator as processes; the second cell is a managed node."""
+
+from types import SimpleNamespace
+
+import pytest
+import ros_harness as ros
+from diagnostic_msgs.msg import DiagnosticStatus
+from homing_interfaces.action import Home
+from homing_interfaces.msg import AxisState
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.action import ActionClient
+from std_srvs.srv import Trigger
+
+NODES = {'cell1': '/cell1/homing_node', 'cell2': '/cell2/homing_node'}
+AXES = {'cell1': ['x', 'z'], 'cell2': ['y', 'z']}
+LINE = {
+    'nodes': list(NODES.values()),
+    'steps': ['cell1/z, cell2/z', 'cell1/x, cell2/y'],
+    'requires': ['cell2/y: cell1/z'],
+    'cell_timeout': 5.0,  # the machine of the tests is busy
+}
+#: Five processes share the machine: nothing is faster than it must be, and everything may be late.
+RATES = {'feedback_rate': 100.0, 'step_rate': 200.0, 'controller_rate': 100.0, 'dead_time': 0.02}
+PATIENT = {'feedback_timeout': 5.0, 'following_error': 0.04}
+#: Slow enough that a test can act while an axis moves.
+SLOW = {**PATIENT, 'homing_reverse_distance': 0.02}
+
+#: The state after each transition.
+AFTER = {
+    Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
+    Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_CLEANUP: State.PRIMARY_STATE_UNCONFIGURED,
+}
+
+
+class Line:
+    """The processes, and what a user's node sees of them."""
+
+    def __init__(self, folder):
+        self.folder, self.domain = folder, ros.Domain()
+        self.processes = []
+        for cell, axes in AXES.items():
+            plant = ros.plant_parameters({axis: {'start': 0.05} for axis in axes}, **RATES)
+            self.run('simulated_axes', plant, '-r', f'__ns:=/{cell}')
+        self.nodes = {cell: self.start(cell) for cell in AXES}
+        self.coordinator = self.run('homing_coordinator', LINE)
+        self.client = ros.Client(self.domain, '/homing_coordinator')
+        self.states = {
+            f'{cell}/{axis}': self.client.record(AxisState, f'{cell}/{axis}/state', ros.LATCHED)
+            for cell, axes in AXES.items()
+            for axis in axes
+        }
+        self.action = ActionClient(self.client.node, Home, '/homing_coordinator/home')
+
+    def run(self, name, parameters, *arguments):
+        process = ros.Process(name, self.folder, self.domain, parameters, arguments)
+        self.processes.append(process)
+        return process
+
+    def start(self, cell):
+        axes = {axis: SLOW if axis == 'z' else PATIENT for axis in AXES[cell]}
+        parameters = ros.node_parameters(
+            axes,
+            update_rate=100.0,
+            cycle_timeout=5.0,
+            ready_timeout=10.0,
+            lifecycle=cell == 'cell2',
+        )
+        return self.run('homing_node', parameters, '-r', f'__ns:=/{cell}')
+
+    def close(self):
+        statuses = [process.close() for process in reversed(self.processes)]
+        outputs = [process.output for process in self.processes]
+        self.client.close()
+        self.domain.release()
+        assert set(statuses) <= {0, -9}, (statuses, outputs)
+        assert not any('Traceback' in output for output in outputs), outputs
+
+    def insist(self, kind, service, **fields):
+        """Call a service until it answers: a node that was killed may still be listed as well."""
+        asking = ros.Asking(lambda: self.client.send(kind, service, **fields), lambda: True)
+        return self.client.until(asking.answer, 40.0, service)
+
+    def life(self, cell):
+        return self.insist(GetState, f'{NODES[cell]}/get_state').current_state.id
+
+    def transit(self, cell, *transitions):
+        for number in transitions:
+            asked = Transition(id=number)
+            self.insist(ChangeState, f'{NODES[cell]}/change_state', transition=asked)
+            assert self.life(cell) == AFTER[number]
+
+    def activate(self, cell):
+        self.transit(cell, Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+
+    def send(self, *axes, **goal):
+        """Send a goal to the coordinator; return its handle."""
+        return self.client.answer(self.action.send_goal_async(Home.Goal(axes=list(axes), **goal)))
+
+    def result(self, handle):
+        future = handle.get_result_async()
+        self.client.until(future.done, 60.0, 'a result')
+        return future.result().result
+
+    def home(self, *axes, **goal):
+        return self.result(self.send(*axes, **goal))
+
+    def at_node(self, cell, name):
+        return self.client.ask(Trigger, f'{NODES[cell]}/{name}', 40.0)
+
+    def state(self, axis):
+        return self.states[axis][-1].message if self.states[axis] else AxisState()
+
+    def until_moving(self, *axes):
+        self.client.until(lambda: all(self.state(axis).state != 'Idle' for axis in axes), 40.0)
+
+    def until_known(self, **homed):
+        """Wait until the states of the line say which axes are homed."""
+        self.client.until(
+            lambda: all(self.state(a.replace('_', '/')).homed is so for a, so in homed.items())
+        )
+
+
+@pytest.fixture(scope='module')
+def a_line(tmp_path_factory):
+    made = Line(tmp_path_factory.mktemp('line'))
+    try:
+        made.client.until(made.action.server_is_ready, 60.0)
+        made.activate('cell2')
+        yield made
+    finally:
+        made.close()
+
+
+@pytest.fixture
+def of(a_line):
+    yield a_line
+    assert a_line.client.trigger('cancel', 40.0).success
+
+
+def test_a_line_homes_in_steps_and_a_node_knows_its_lock(of):
+    of.client.until(lambda: 'cell1/z is not homed' in of.at_node('cell2', 'y/home').message)
+    of.client.until(lambda: (dry_run := of.home(dry_run=True)).success or not dry_run.missing)
+    assert list(of.home(dry_run=True).steps) == LINE['steps']
+
+    result = of.home()
+    assert result.success, result.message
+    assert [state.axis for state in result.states] == ['cell1/z', 'cell2/z', 'cell1/x', 'cell2/y']
+    assert all(state.homed for state in result.states)
+
+    def times(axis):
+        moving = [heard.sent for heard in of.states[axis] if heard.message.state != 'Idle']
+        return min(moving), max(moving)
+
+    assert max(times('cell1/z')[1], times('cell2/z')[1]) < times('cell2/y')[0]
+    assert of.home().message == 'Homed: homed before: cell1/z, cell2/z, cell1/x, cell2/y'
+    again = of.home(dry_run=True, force=True)
+    assert list(again.steps) == LINE['steps']
+    assert all(0.1 < duration < 60.0 for duration in again.durations)
+    assert of.client.trigger('cell2/y/home').message == 'Homed: homed before: cell2/y'
+    answer = of.at_node('cell2', 'y/home')
+    assert answer.success, answer.message
+
+
+def test_names_that_nothing_has_and_a_second_coordinator(of):
+    assert of.home('cell3/x').error_code == AxisState.UNKNOWN_CELL
+    assert of.home('cell1/q').error_code == AxisState.UNKNOWN_AXIS
+    topic = f'{NODES["cell1"]}/locks'
+    claim = of.client.node.create_publisher(DiagnosticStatus, topic, ros.LATCHED)
+    of.client.until(lambda: claim.get_subscription_count() == 2)
+    claim.publish(DiagnosticStatus(name='/other', hardware_id='other'))
+    of.client.until(lambda: of.home('cell1/x').error_code == AxisState.COORDINATOR_CONFLICT)
+    of.client.node.destroy_publisher(claim)
+    of.client.until(lambda: of.home('cell1/x').error_code == AxisState.NO_ERROR)
+
+
+def test_a_canceled_request_answers_when_every_axis_rests(of):
+    handle = of.send(force=True)
+    of.until_moving('cell1/z', 'cell2/z')
+    answer = of.client.trigger('cancel')
+    assert answer.success, answer.message
+    result = of.result(handle)
+    assert result.error_code == AxisState.CANCELED
+    assert all(state.state == 'Idle' for state in result.states)
+    assert result.message.startswith('Canceled: ')
+
+
+def test_a_killed_cell_is_lost_the_others_rest_and_what_is_left_homes_later(of):
+    handle = of.send(force=True)
+    of.until_moving('cell1/z', 'cell2/z')
+    before = len(of.states['cell1/x'])
+    of.nodes['cell2'].process.kill()
+    result = of.result(handle)
+    assert result.error_code == AxisState.CELL_LOST, result.message
+    assert {state.axis: state.state for state in result.states}['cell1/z'] == 'Idle'
+    assert {heard.message.state for heard in of.states['cell1/x'][before:]} <= {'Idle'}
+    of.nodes['cell2'] = of.start('cell2')
+    of.activate('cell2')
+    of.until_known(cell2_z=False)
+    of.client.until(lambda: (left := of.home()).success or not left.message)
+
+
+def test_a_killed_coordinator_starts_nothing_more_and_its_locks_stay(of):
+    assert of.home().success
+    of.send(force=True)
+    of.until_moving('cell1/z', 'cell2/z')
+    of.coordinator.process.kill()
+    own = of.client.record(AxisState, f'{NODES["cell1"]}/z/state', ros.LATCHED)
+    other = of.client.record(AxisState, f'{NODES["cell1"]}/x/state', ros.LATCHED)
+    of.client.until(lambda: own and own[-1].message.homed, 40.0)  # its run ends well
+    of.client.until(lambda: 'has been silent' in of.at_node('cell2', 'y/home').message)
+    assert {heard.message.state for heard in other} == {'Idle'}
+    of.coordinator = of.run('homing_coordinator', LINE)
+    answer = of.insist(Trigger, 'home')
+    assert answer.success, answer.message
+
+
+def test_a_managed_node_stops_when_it_is_deactivated_and_forgets_when_cleaned(of):
+    own = of.client.record(AxisState, f'{NODES["cell2"]}/z/state', ros.LATCHED)
+    of.send('cell2/z', force=True)
+    of.client.until(lambda: own and own[-1].message.state != 'Idle')
+    of.transit('cell2', Transition.TRANSITION_DEACTIVATE)
+    of.client.until(lambda: own[-1].message.error == 'Canceled')
+    assert of.at_node('cell2', 'z/home').message.startswith('NotActive: axis z: the node is not')
+    assert of.home('cell2/z').error_code == AxisState.NOT_ACTIVE
+    of.transit('cell2', Transition.TRANSITION_ACTIVATE)
+    assert of.home('cell2/z').success
+    of.transit('cell2', Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
+    of.client.until(lambda: not own[-1].message.homed)
+    of.activate('cell2')
+
+
+def test_a_bad_line_ends_with_every_fault(tmp_path):
+    with_faults = {**LINE, 'steps': ['cell1/x, cell3/x', 'cell1/x'], 'at_once': 0}
+    domain = SimpleNamespace(number=ros.DOMAINS[0])
+    process = ros.Process('homing_coordinator', tmp_path, domain, with_faults)
+    assert process.wait() == 1
+    for text in ('at_once: 0', "'cell3' is none of the cells", 'stands in two steps, 1 and 2'):
+        assert text in process.output
