@@ -264,7 +264,7 @@ def test_every_parameter_is_described():
         assert definition.name == name
         assert definition.text
     assert set(DEFINITIONS) < set(AXIS_DEFINITIONS)
-    received = [*Input, 'feedback']
+    received = [*Input, 'feedback', 'temperature']
     outputs = ['servo_on', 'torque_limit', 'arm_latch']
     assert set(AXIS_DEFINITIONS) - set(DEFINITIONS) == {
         *(f'{kind}.{name}' for kind in ('topics', 'types') for name in received),
