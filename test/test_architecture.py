@@ -22,6 +22,7 @@ ROOMS = [
     'plant',
     'rehearsal',
     'check',
+    'survey',
     'convert',
     'diagnosis',
     'relay',
@@ -32,7 +33,17 @@ ROOMS = [
     'cli',
 ]
 #: Rooms that have no ROS, no clock, no thread and no I/O.
-PURE = ['procedures', 'language', 'core', 'course', 'check', 'diagnosis', 'relay', 'coordination']
+PURE = [
+    'procedures',
+    'language',
+    'core',
+    'course',
+    'check',
+    'survey',
+    'diagnosis',
+    'relay',
+    'coordination',
+]
 #: What those may use of the standard library.
 PURE_LIBRARY = {
     'collections',
@@ -53,7 +64,7 @@ ROS_ROOMS = ['ros', 'client']
 #: What of the command needs ROS: it is imported when a verb runs, so that the others need none.
 ROS_VERBS = {'cli/doctor.py', 'cli/live.py', 'cli/watch.py'}
 #: What the node never needs.
-TOOLS = {'rehearsal', 'convert', 'figures', 'cli', 'client', 'course'}
+TOOLS = {'rehearsal', 'survey', 'convert', 'figures', 'cli', 'client', 'course'}
 ROS = {
     'action_msgs',
     'rclpy',

@@ -1,0 +1,329 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the passes of a survey tell: a layout, how exact it is, doubts, and what was not seen."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import inf
+from typing import NamedTuple
+
+from ..parameters.axis import AxisParameters
+from ..plant.layout import AxisLayout, SwitchLayout
+from ..procedures.states import LATCHES, LIMIT_PAIRS, LIMIT_SWITCHES, Error, Input, LSDirection
+from .edges import LONGEST_DELAY, Fit, Kind, Range, fit
+from .index import Marks, marks_of
+from .passes import Pass, SeenEdge, lag_of
+
+#: The kinds of edges, by the end of the flag: where it rises, and on the way back falls.
+LOWER = (Kind(True, 1), Kind(False, -1))
+UPPER = (Kind(True, -1), Kind(False, 1))
+
+#: Edges of one switch belong to several flags if they scatter by more than so many times what they
+#: may be off, and than this part of the way.
+MANY, SCATTER = 20.0, 0.002
+
+
+class Doubt(NamedTuple):
+    """Something that makes no sense, and that only a person can settle.
+
+    Attributes:
+        input: The input that it is about, '' if it is about the axis.
+        text: What was seen, and what it may mean.
+        parameter: The parameter that would have to change, '' for none.
+        value: Its value then.
+    """
+
+    input: str
+    text: str
+    parameter: str = ''
+    value: object = None
+
+
+@dataclass
+class Survey:
+    """What is known of an axis.
+
+    Attributes:
+        layout: Where things are. Ends of flags and hard stops that were not seen are infinite.
+        exact: How far a number may be off, by the key of the layout file; of a pair by
+            ``key[0]`` and ``key[1]``.
+        doubts: What only a person can settle.
+        seen: What was measured besides, in words.
+        unseen: What could not be seen, in words.
+    """
+
+    layout: AxisLayout
+    exact: dict[str, float] = field(default_factory=dict)
+    doubts: list[Doubt] = field(default_factory=list)
+    seen: list[str] = field(default_factory=list)
+    unseen: list[str] = field(default_factory=list)
+
+
+def judge(
+    parameters: AxisParameters,
+    passes: Sequence[Pass],
+    levels: Mapping[Input, bool],
+    rates: Mapping[Input, float] | None = None,
+    hard_stops: tuple[float, float] = (-inf, inf),
+) -> Survey:
+    """Return what the passes of a survey tell.
+
+    Args:
+        parameters: The parameters of the axis in the survey.
+        passes: The motions that were made; at least one.
+        levels: The levels of the switches at the start, after polarity.
+        rates: How often the message of an input comes, Hz; 0: on change.
+        hard_stops: Where the hard stops are, as far as that is known: a survey touches none.
+    """
+    return _Judgement(parameters, passes, levels, rates or {}, hard_stops).survey()
+
+
+class _Judgement:
+    """Judges the passes of one survey."""
+
+    def __init__(
+        self,
+        parameters: AxisParameters,
+        passes: Sequence[Pass],
+        levels: Mapping[Input, bool],
+        rates: Mapping[Input, float],
+        hard_stops: tuple[float, float],
+    ) -> None:
+        self._p, self._passes, self._levels, self._rates = parameters, passes, levels, rates
+        ends = [place for one in passes for place in (one.begin, one.end)]
+        self._low, self._high = min(ends), max(ends)
+        self._edges: dict[Input, list[SeenEdge]] = {}
+        for one in passes:
+            for edge in one.edges:
+                self._edges.setdefault(edge.input, []).append(edge)
+        self._switches: dict[str, SwitchLayout] = {}
+        start = passes[0].begin
+        self._found = Survey(AxisLayout(hard_stops, self._switches, start=start))
+
+    def survey(self) -> Survey:
+        """Return what the passes tell."""
+        found = self._found
+        self._failure()
+        for name in self._p.inputs:
+            if name in LATCHES or name is Input.SERVO_ENABLED:
+                continue
+            if name in self._edges:
+                self._switch(name, self._edges[name])
+            else:
+                self._silent(name)
+        self._index()
+        self._probe()
+        self._motion()
+        rate = min((rate for rate in self._rates.values() if rate > 0.0), default=0.0)
+        if self._rates:
+            found.layout = found.layout._replace(switch_rate=rate)
+        for stop, end in zip(found.layout.hard_stops, ('lower', 'upper'), strict=True):
+            if abs(stop) == inf:
+                found.unseen.append(f'the {end} hard stop: a survey does not touch it; measure it')
+        return found
+
+    def _failure(self) -> None:
+        last = self._passes[-1]
+        if last.error not in (Error.NoError, Error.LSTriggered):
+            self._found.unseen.append(
+                f'what is beyond {last.end:.6g} {self._p.unit}: the survey ended there, '
+                f'{last.error}: {last.message}'
+            )
+
+    # ----------------------------------------------------------------------------------- switches
+
+    def _switch(self, name: Input, edges: Sequence[SeenEdge]) -> None:
+        """Judge a switch that has changed."""
+        found, unit = self._found, self._p.unit
+        wrong = self._reads_wrongly(name, edges)
+        if wrong:
+            edges = [edge._replace(level=not edge.level) for edge in edges]
+        kinds = fit(edges, -self._p.switch_latency)
+        doubt = max(edge.uncertainty for edge in edges)
+        scatter = kinds.spread * doubt
+        if scatter > max(MANY * doubt, SCATTER * (self._high - self._low)):
+            text = (
+                f'{name} changes at places that are up to {unit.length(2.0 * scatter)} apart: has '
+                'it two flags, is it loose, or do its contacts bounce?'
+            )
+            found.doubts.append(Doubt(name, text))
+            return
+        if kinds.spread > 1.0:
+            found.seen.append(
+                f'{name} repeats to ± {unit.length(scatter)}, though its edges say ± '
+                f'{unit.length(doubt)}: switch_stamp_error is too small, or it is loose'
+            )
+        hysteresis = self._hysteresis(name, kinds)
+        low = _end(kinds, LOWER, 1, hysteresis)
+        high = _end(kinds, UPPER, -1, hysteresis)
+        on_from = -inf if low is None else low.middle
+        on_to = inf if high is None else high.middle
+        self._switches[name] = SwitchLayout(
+            on_from,
+            max(on_from, on_to),
+            0.0 if hysteresis is None else hysteresis.middle,
+            self._p.inverted(name) is not wrong,
+        )
+        for n, end in enumerate((low, high)):
+            if end is not None:
+                found.exact[f'{name}[{n}]'] = end.half
+        if hysteresis is not None:
+            found.exact[f'{name}_hysteresis'] = hysteresis.half
+        self._delay(name, kinds.delay)
+
+    def _hysteresis(self, name: Input, kinds: Fit) -> Range | None:
+        """Return the hysteresis; None where no end of the flag was met both ways."""
+        found: list[Range] = []
+        for (rise, fall), way in ((LOWER, 1), (UPPER, -1)):
+            rises, falls = kinds.places.get(rise), kinds.places.get(fall)
+            if rises is not None and falls is not None:
+                gap = rises.minus(falls) if way > 0 else falls.minus(rises)
+                found.append(Range(max(0.0, gap.low), max(0.0, gap.high)))
+        if not found:
+            text = f'the hysteresis of {name}: no end of it was met both ways; taken as 0'
+            self._found.unseen.append(text)
+            return None
+        common = found[0].common(found[-1])
+        if common is None:
+            low, high = (self._p.unit.length(one.middle) for one in found)
+            self._found.seen.append(
+                f'{name} has two hystereses: {low} at its lower end, {high} at its upper one'
+            )
+        return common or found[0].hull(found[-1])
+
+    def _delay(self, name: Input, delay: Range) -> None:
+        """Tell how late the driver of a switch is."""
+        now = self._p.switch_latency
+        if delay.low > 0.0 or delay.high < 0.0:
+            self._found.seen.append(
+                f'the driver of {name} publishes {1e3 * (now + delay.low):.3g} to '
+                f'{1e3 * (now + delay.high):.3g} ms late: set switch_latency: '
+                f'{now + delay.middle:.2g} (it is {now:g} s)'
+            )
+        elif delay.high < LONGEST_DELAY:
+            self._found.seen.append(
+                f'the driver of {name} publishes at most {1e3 * delay.high:.2g} ms later than its '
+                'edges say'
+            )
+        else:
+            text = f'how late the driver of {name} is: it was met at one velocity only'
+            self._found.unseen.append(text)
+
+    def _reads_wrongly(self, name: Input, edges: Sequence[SeenEdge]) -> bool:
+        """Doubt the polarity or the end of a switch; return whether its polarity is wrong."""
+        # At a place where the level changes, which side is on: the upper (1) or the lower one?
+        changes = sorted((edge.position, edge.way if edge.level else -edge.way) for edge in edges)
+        (low, first), (high, last) = changes[0], changes[-1]
+        length = self._high - self._low
+        on = (high - low if first > 0 > last else 0.0) + (
+            (self._high - low if first == last == 1 else 0.0)
+            + (high - self._low if first == last == -1 else 0.0)
+            + (length - (high - low) if first < 0 < last else 0.0)
+        )
+        if name in LIMIT_SWITCHES:
+            return self._limit_reads_wrongly(name, first, last, on > 0.5 * length)
+        wrong = first < 0 < last and on > 0.5 * length
+        if wrong:
+            self._doubt_polarity(name, f'off between {low:.6g} and {high:.6g} {self._p.unit} only')
+        return wrong
+
+    def _limit_reads_wrongly(self, name: Input, first: int, last: int, mostly_on: bool) -> bool:
+        upper = any(name is pair[0] for pair in LIMIT_PAIRS.values())
+        if self._p.ls_direction is LSDirection.Reverse:
+            upper = not upper
+        own = 1 if upper else -1
+        if own in (first, last):
+            return False
+        if mostly_on:
+            self._doubt_polarity(name, 'on nearly all the way, but off at its end')
+            return True
+        now = self._p.ls_direction
+        other = LSDirection.Normal if now is LSDirection.Reverse else LSDirection.Reverse
+        end = 'lower' if upper else 'upper'
+        text = f'{name} is on at the {end} end: are the two limit switches swapped?'
+        self._found.doubts.append(Doubt(name, text, 'ls_direction', other))
+        return False
+
+    def _doubt_polarity(self, name: Input, seen: str) -> None:
+        parameter = f'invert_{name}_polarity'
+        parameter = parameter.replace('home_switch', 'hs').replace('limit_switch', 'ls')
+        inverted = self._p.inverted(name)
+        text = f'{name} is {seen}: is it read the wrong way round?'
+        self._found.doubts.append(Doubt(name, text, parameter, not inverted))
+
+    def _silent(self, name: Input) -> None:
+        """Judge a switch that has not changed."""
+        way = f'between {self._low:.6g} and {self._high:.6g} {self._p.unit}'
+        level = self._levels.get(name)
+        if level is None:
+            text = f'{name}: no message of it has come; is it wired, and published?'
+            self._found.unseen.append(text)
+        elif level:
+            self._doubt_polarity(name, f'on all the way {way}')
+        else:
+            self._found.unseen.append(f'{name}: it stayed off {way}')
+
+    # ------------------------------------------------------------------------------- index, probe
+
+    def _index(self) -> None:
+        """Find the marks of an encoder index."""
+        pulses, found = self._edges.get(Input.Z_PULSE), self._found
+        if Input.Z_PULSE not in self._p.inputs:
+            return
+        try:
+            marks = marks_of(pulses or ())
+        except ValueError as error:
+            found.doubts.append(Doubt(Input.Z_PULSE, str(error)))
+            return
+        if isinstance(marks, Marks):
+            pitch, offset = marks.pitch, marks.offset
+            found.layout = found.layout._replace(index_pitch=pitch, index_offset=offset)
+            found.exact |= {'index_pitch': marks.pitch_half, 'index_offset': marks.offset_half}
+        elif marks is None:
+            found.unseen.append('the index: no pulse was latched')
+        else:
+            found.unseen.append(
+                f'the pitch of the index: one pulse alone was latched, at {marks:.6g} '
+                f'{self._p.unit}; survey further'
+            )
+
+    def _probe(self) -> None:
+        """Find the touch plate."""
+        if Input.TOUCH_PROBE not in self._p.inputs:
+            return
+        touches = self._edges.get(Input.TOUCH_PROBE)
+        if not touches:
+            self._found.unseen.append('the touch probe: it did not trigger')
+            return
+        places = [one.position for one in touches]
+        middle = 0.5 * (min(places) + max(places))
+        self._found.layout = self._found.layout._replace(touch_probe=middle)
+        doubt = max(one.uncertainty for one in touches)
+        self._found.exact['touch_probe'] = 0.5 * (max(places) - min(places)) + doubt
+
+    # ------------------------------------------------------------------------------------- motion
+
+    def _motion(self) -> None:
+        """Tell how far the axis stays behind, and how far it goes on behind a limit switch."""
+        found, unit = self._found, self._p.unit
+        lag = lag_of(self._passes)
+        if lag is None:
+            found.unseen.append('the lag of the drive: no pass was long enough')
+        else:
+            found.layout = found.layout._replace(lag=lag)
+        for one in self._passes:
+            if one.overrun is not None:
+                found.seen.append(
+                    f'from {abs(one.velocity):g} {unit}/s the axis stops within '
+                    f'{unit.length(one.overrun)} behind a limit switch'
+                )
+                break
+
+
+def _end(kinds: Fit, end: tuple[Kind, Kind], way: int, hysteresis: Range | None) -> Range | None:
+    """Return where an end of a flag is: where it rises; or falls, less its hysteresis."""
+    rises, falls = (kinds.places.get(kind) for kind in end)
+    if rises is not None or falls is None:
+        return rises
+    gap = hysteresis or Range(0.0, 0.0)
+    low, high = (gap.low, gap.high) if way > 0 else (-gap.high, -gap.low)
+    return Range(falls.low + low, falls.high + high)
