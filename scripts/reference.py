@@ -34,6 +34,7 @@ SECTIONS: Mapping[str, str] = {
     'encoder': 'Memory',
     'apply': 'Hand-over',
     'travel_min': 'Soft limits',
+    'followers': 'Gantry',
 }
 
 HEAD = """\

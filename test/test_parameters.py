@@ -140,10 +140,28 @@ DEFAULTS = {
     'switch_controllers': (),
     'travel_min': 0.0,
     'travel_max': 0.0,
+    # the gantry
+    'followers': (),
+    'max_skew': 0.0,
+    'square_tolerance': 0.00005,
+    'square': True,
+    'switch_offset': 0.0,
+    'gantry_homing_use_slave_hs': True,
+    'gantry_homing_use_slave_ls': True,
+    'gantry_homing_use_slave_z_pulse': True,
+    'gantry_homing_use_slave_touch_probe': True,
+    'gantry_homing_use_slave_mechanical_end': False,
+    'gantry_homing_retain_sync_offset': False,
 }
 RATIOS = ('z_pulse_distance_tolerance', 'index_margin')
 REALS = [name for name, definition in DEFINITIONS.items() if definition.kind is float]
-SIGNED = ('home_shift_distance', 'home_position', 'travel_min', 'travel_max')
+SIGNED = (
+    'home_shift_distance',
+    'home_position',
+    'travel_min',
+    'travel_max',
+    'switch_offset',
+)
 POSITIVE = [name for name in REALS if DEFINITIONS[name].least > 0.0]
 
 

@@ -26,7 +26,7 @@ from ..procedures.states import (
     Role,
 )
 from ..procedures.tables import PROCEDURES
-from . import applying
+from . import applying, gantry_checks
 from .axis_fields import AxisFields
 from .definition import REQUIRED, Definition, Interval, InvalidParameters, read
 from .units import Unit
@@ -199,7 +199,11 @@ class AxisParameters(AxisFields):
         return [self.unit.in_message(fault) for fault in self._contradictions()]
 
     def _contradictions(self) -> list[str]:
-        faults = [*self._too_long(), *applying.contradictions(self)]
+        faults = [
+            *self._too_long(),
+            *applying.contradictions(self),
+            *gantry_checks.contradictions(self),
+        ]
         fast, slow = self.homing_velocity_fast, self.homing_velocity_slow
         if slow > fast:
             faults.append(

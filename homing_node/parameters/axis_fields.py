@@ -286,3 +286,39 @@ class AxisFields:
     travel_max: float = fields.position(
         0.0, 'soft limit of the relay, homed (equal to travel_min: no soft limits)'
     )
+
+    followers: tuple[str, ...] = fields.names(
+        'the other drives of a gantry, which move with this axis'
+    )
+    max_skew: float = fields.distance(
+        0.0, 'largest skew of a gantry; required with followers (0: no gantry)'
+    )
+    square_tolerance: float = fields.distance(
+        0.00005, 'squareness of a gantry below which it makes no squaring move'
+    )
+    square: bool = fields.flag(
+        True, 'square the gantry (false: a stiff one; its squareness is only reported)'
+    )
+    switch_offset: float = fields.position(
+        0.0,
+        "of a follower: where its reference is when the gantry is square, less the leader's, in "
+        "the leader's coordinates",
+    )
+    gantry_homing_use_slave_hs: bool = fields.flag(
+        True, 'a follower with a home switch homes on it, too'
+    )
+    gantry_homing_use_slave_ls: bool = fields.flag(
+        True, 'a follower with the limit switch that the type homes on homes on it, too'
+    )
+    gantry_homing_use_slave_z_pulse: bool = fields.flag(
+        True, 'a follower with a Z-pulse homes on it, too'
+    )
+    gantry_homing_use_slave_touch_probe: bool = fields.flag(
+        True, 'a follower with a touch probe homes on it, too'
+    )
+    gantry_homing_use_slave_mechanical_end: bool = fields.flag(
+        False, 'a follower homes on its mechanical end, too (not there yet: true is refused)'
+    )
+    gantry_homing_retain_sync_offset: bool = fields.flag(
+        False, 'keep the offsets of the followers as they are at the start: no squaring move'
+    )

@@ -7,9 +7,11 @@ its connections, such as ``<axis>.topics.<input>``. SI units.
 
 import re
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ..procedures.states import TextEnum
+from . import gantry
 from .axis import DEFINITIONS, AxisParameters, axis_parameters
 from .connections import CONNECTION_DEFINITIONS, Connections, connections
 from .definition import Definition, InvalidParameters, read, table, unknown
@@ -232,6 +234,8 @@ class Configuration(NamedTuple):
     """A checked configuration: the parameters of the node and of each axis, in their order.
 
     ``position_joints`` are the joints of an array of positions, those of the axes by default.
+    ``followers`` are the parameters of the followers of each gantry, by their full names; the
+    connections of a follower are in ``connections``.
     """
 
     axes: Mapping[str, AxisParameters]
@@ -253,11 +257,21 @@ class Configuration(NamedTuple):
     marker_frame: str
     lifecycle: bool = False
     coordinated: bool = False
+    followers: Mapping[str, Mapping[str, AxisParameters]] = MappingProxyType({})
+
+    @property
+    def drives(self) -> dict[str, AxisParameters]:
+        """The parameters of all drives: of each axis, and then of its followers."""
+        found = {}
+        for axis, parameters in self.axes.items():
+            found[axis] = parameters
+            found.update(self.followers.get(axis, {}))
+        return found
 
     @property
     def joints(self) -> dict[str, str]:
-        """The joint of each axis."""
-        return {axis: parameters.joint or axis for axis, parameters in self.axes.items()}
+        """The joint of each drive."""
+        return {name: parameters.joint or name for name, parameters in self.drives.items()}
 
     @property
     def lead(self) -> float:
@@ -279,12 +293,16 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
     names = list(dict.fromkeys(node.get('axes', [])))
     axes: dict[str, AxisParameters] = {}
     connected: dict[str, Connections] = {}
+    followers: dict[str, dict[str, AxisParameters]] = {}
     for axis in names:
-        below = {
-            name.removeprefix(f'{axis}.'): value
-            for name, value in values.items()
-            if name.startswith(f'{axis}.')
-        }
+        below, own = gantry.split(
+            {
+                name.removeprefix(f'{axis}.'): value
+                for name, value in values.items()
+                if name.startswith(f'{axis}.')
+            }
+        )
+        faults += gantry.unlisted(axis, below)
         connected[axis], found = connections(below, axis)
         faults += found
         try:
@@ -293,24 +311,31 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
             )
         except InvalidParameters as error:
             faults += error.faults
+            continue
+        if own:
+            followers[axis], more, found = gantry.followers_of(axis, axes[axis], own)
+            connected |= more
+            faults += found
+    drives = {**axes, **{name: p for of in followers.values() for name, p in of.items()}}
     faults += bad_common(values)
     faults += _unknown(values, names)
-    faults += _shared_joints(axes)
-    faults += _bad_position_joints(node.get('position_joints', []), axes)
+    faults += gantry.bad_gantries(axes, followers, connected)
+    faults += _shared_joints(drives)
+    faults += _bad_position_joints(node.get('position_joints', []), drives)
     try:
         sequence = home_sequence(node.get('home_sequence', []), names)
     except ValueError as error:
         faults.append(str(error))
     if faults:
         raise InvalidParameters(faults)
-    return Configuration(
+    checked = Configuration(
         axes,
         connected,
         node['update_rate'],
         node['cycle_timeout'],
         node['ready_timeout'],
         node['setpoint_interface'],
-        tuple(node['position_joints'] or (p.joint or axis for axis, p in axes.items())),
+        tuple(node['position_joints']),
         node['serialized'],
         node['setpoint_horizon'],
         node['setpoint_lead'],
@@ -323,7 +348,10 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         node['marker_frame'],
         node['lifecycle'],
         node['coordinated'],
+        followers,
     )
+    joints = checked.position_joints or tuple(checked.joints.values())
+    return checked._replace(position_joints=joints)
 
 
 def home_sequence(groups: list[str], axes: list[str]) -> tuple[tuple[str, ...], ...]:

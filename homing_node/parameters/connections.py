@@ -80,8 +80,8 @@ class Connections:
     no_torque_limit: float = 0.0
 
     def source(self, axis: str, name: str) -> Source:
-        """Return where an input of an axis comes from."""
-        return self.sources.get(name) or Source(f'~/{axis}/{name}')
+        """Return where an input of an axis, or of a follower of a gantry, comes from."""
+        return self.sources.get(name) or Source(f'~/{axis.replace(".", "/")}/{name}')
 
 
 class SourceDefinition(Definition):

@@ -32,6 +32,8 @@ class State(TextEnum):
     MechanicalEndDetection = 'MechanicalEndDetection'
     HomeShift = 'HomeShift'
     Cancel = 'Cancel'
+    Squaring = 'Squaring'
+    Proving = 'Proving'
 
 
 class HomeType(TextEnum):
@@ -87,6 +89,10 @@ class Error(TextEnum):
     IndexMarginError = 'IndexMarginError'
     HomeMoved = 'HomeMoved'
     NotHomed = 'NotHomed'
+    SkewTooLarge = 'SkewTooLarge'
+    FollowerSwitchMissing = 'FollowerSwitchMissing'
+    NotSquare = 'NotSquare'
+    IndexAmbiguous = 'IndexAmbiguous'
     Timeout = 'Timeout'
     Canceled = 'Canceled'
     EmergencyStop = 'EmergencyStop'
