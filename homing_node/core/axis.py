@@ -20,6 +20,7 @@ from .limits import Action
 from .machine import Machine
 from .outcome import Failure, Outcome
 from .profile import Profile
+from .remembered import Remembered
 from .result import outcome_of
 from .settling import Rest, Settling, jammed, never_moved
 from .signals import Edge
@@ -184,15 +185,7 @@ class Axis(AxisHome):
         self._moved = False
         readings = self.readings
         readings.begin_run()
-        self.machine = Machine(
-            self.parameters,
-            self.profile,
-            readings.switches,
-            now,
-            readings.track.position,
-            readings.series,
-            known,
-        )
+        self.machine = self._new_machine(now, known)
         self.machine.begin()
         return None
 
@@ -314,6 +307,19 @@ class Axis(AxisHome):
         return self.readings.wrapped(self._sign * self._start_command())
 
     # ------------------------------------------------------------------------------------- inside
+
+    def _new_machine(self, now: float, known: Remembered | None) -> Machine:
+        """Return the run that begins; ``known``: where it goes quickly."""
+        readings = self.readings
+        return Machine(
+            self.parameters,
+            self.profile,
+            readings.switches,
+            now,
+            readings.track.position,
+            readings.series,
+            known,
+        )
 
     def _take(self, edge: Edge) -> None:
         """Queue an edge for the machine; act on a limit at once."""

@@ -6,7 +6,7 @@ from ..procedures.states import Error, Input, State
 from .handover import Handover
 from .history import History
 from .machine import Machine
-from .outcome import Outcome
+from .outcome import MemberHome, Outcome
 from .readings import Readings
 from .travel import LATEST
 
@@ -153,6 +153,11 @@ class AxisStatus:
         handover = self.handover
         found = self.outcome if handover is None else handover.plan.found
         return found.home_position_raw
+
+    @property
+    def members(self) -> tuple[MemberHome, ...]:
+        """The drives of a gantry as they are now, the leader first; () for one drive."""
+        return ()
 
     @property
     def fingerprint(self) -> tuple[object, ...]:

@@ -1,12 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Edges that wait until the feedback shows where they were and which way the axis traveled."""
 
+from typing import Protocol
+
 from ..parameters.axis import AxisParameters
 from ..procedures.motions import Way
+from ..procedures.procedure import Row
 from ..procedures.states import LATCHES
-from .machine import Machine
 from .signals import Edge
 from .track import Track
+
+
+class TakesEdges(Protocol):
+    """A run that takes the edges: the machine, or one side of a gantry."""
+
+    @property
+    def row(self) -> Row:
+        """The present row."""
+
+    def way_at(self, time: float, track: Track) -> int | None:
+        """Return the sign of the travel at a time that the track covers, None: not yet known."""
+
+    def edge(self, edge: Edge) -> None:
+        """Take an edge whose way of travel is known."""
 
 
 class EdgeQueue:
@@ -48,7 +64,7 @@ class EdgeQueue:
         self._waiting.append(edge)
         self._waiting.sort(key=lambda waiting: waiting.order)
 
-    def update(self, machine: Machine, feedback: Track) -> None:
+    def update(self, machine: TakesEdges, feedback: Track) -> None:
         """Locate the edges, and give the machine those whose way of travel is known."""
         track, beside = (self._commands, feedback) if self._on_command else (feedback, None)
         if self._unresolved:

@@ -43,7 +43,7 @@ from ..procedures.states import (
 )
 from .outcome import Failure
 from .series_limits import SeriesLimits
-from .signals import Edge, Switch
+from .signals import Edge, HasLevel
 
 
 class Action(NamedTuple):
@@ -267,7 +267,7 @@ class LimitSwitches:
     def __init__(
         self,
         parameters: AxisParameters,
-        switches: Mapping[Input, Switch],
+        switches: Mapping[Input, HasLevel],
         series: SeriesLimits | None = None,
     ) -> None:
         self._limits = limits_of(parameters)

@@ -25,7 +25,7 @@ from .passes import Passes
 from .profile import Profile
 from .remembered import Remembered, Seen
 from .series_limits import SeriesLimits
-from .signals import Edge, Mark, Switch
+from .signals import Edge, HasLevel, Mark
 from .switch_events import SwitchEvents
 from .track import Track
 from .travel import Rules
@@ -55,6 +55,7 @@ class Machine:
         paused: the axis waits before a turn (``pause_mode``).
         movement: the motion of the present row.
         reference: the home position, None until it was found.
+        rules: the bounds of every motion.
         passes: the passes over the reference so far.
         arrows: every arrow taken so far.
         warnings: what the user should know of the run.
@@ -82,7 +83,7 @@ class Machine:
         '_rows',
         '_switches',
         '_limits',
-        '_rules',
+        'rules',
         '_cause',
         '_before_edge',
         '_reversed',
@@ -93,7 +94,7 @@ class Machine:
         self,
         parameters: AxisParameters,
         profile: Profile,
-        switches: Mapping[Input, Switch],
+        switches: Mapping[Input, HasLevel],
         now: float,
         feedback: float,
         series: SeriesLimits | None = None,
@@ -117,7 +118,7 @@ class Machine:
         self._limits = LimitSwitches(parameters, switches, series)
         self._switches = SwitchEvents(parameters, switches, self._limits)
         self.movement = Movement(parameters, profile, now, feedback, self.warn)
-        self._rules = Rules(parameters, now)
+        self.rules = Rules(parameters, now)
         self._cause = Mark(feedback)
         self._before_edge: Snapshot | None = None  # None: no edge took the last arrow
         self._reversed = False  # the one reversal is used up
@@ -144,7 +145,7 @@ class Machine:
     @property
     def traveled(self) -> tuple[float, float]:
         """Distance from the turning point, and what bounds it, m."""
-        return abs(self.feedback - self.movement.leg.feedback), self._rules.distance
+        return abs(self.feedback - self.movement.leg.feedback), self.rules.distance
 
     def way_at(self, time: float, track: Track) -> int | None:
         """Return the sign of the travel at a time that the track covers, None if not yet known."""
@@ -279,7 +280,7 @@ class Machine:
             return
         movement = self.movement
         movement.follow(feedback)
-        failure = self._rules.broken(
+        failure = self.rules.broken(
             movement.leg, self.profile.commanded, feedback, now, interval, age
         )
         if failure is not None:
@@ -382,7 +383,7 @@ class Machine:
                 return
             movement.turn(way, self.now, self.feedback)
         if not self._blocked(way):
-            self._rules.enter(self.row, self.profile.velocity, self.now)
+            self.rules.enter(self.row, self.profile.velocity, self.now)
             movement.start(self.row, self._cause, target)
 
     # ------------------------------------------------------------------------------- the switches
@@ -429,4 +430,4 @@ class Machine:
     def _end_pause(self) -> None:
         if self.paused:
             self.paused = False
-            self._rules.deadline += self.now - self._paused_at
+            self.rules.deadline += self.now - self._paused_at

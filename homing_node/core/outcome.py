@@ -22,6 +22,29 @@ class Failure(NamedTuple):
     hint: str = ''
 
 
+class MemberHome(NamedTuple):
+    """One drive of a gantry; lengths in m or rad.
+
+    Attributes:
+        name: the axis for the leader, else the follower's name in `followers`.
+        joint: its joint.
+        position: its raw position.
+        skew: how far it has moved more than the leader since the start of the run.
+        home_position_raw: raw position of its captured reference; 0 until it was captured.
+        squareness: its reference less `switch_offset` and the leader's reference, where both
+            count from the same place; 0: square.
+        uncertainty: how far ``squareness`` may be off.
+    """
+
+    name: str
+    joint: str
+    position: float = 0.0
+    skew: float = 0.0
+    home_position_raw: float = 0.0
+    squareness: float = 0.0
+    uncertainty: float = 0.0
+
+
 class Outcome(NamedTuple):
     """How a run ended, or why a request was refused.
 
@@ -44,6 +67,7 @@ class Outcome(NamedTuple):
         final: whether waiting does not mend what forbids the run.
         applied: what the driver takes off its own coordinates since the hand-over, m or rad; None
             if it applies no home.
+        members: the drives of a gantry, the leader first; else none.
     """
 
     error: Error
@@ -61,6 +85,7 @@ class Outcome(NamedTuple):
     verified_uncertainty: float = 0.0
     unit: Unit = Unit.m
     applied: float | None = None
+    members: tuple[MemberHome, ...] = ()
 
     @property
     def success(self) -> bool:

@@ -14,6 +14,7 @@ Generation with Arbitrary Target States", 2021 (ruckig).
 """
 
 from collections.abc import Iterator
+from copy import copy
 from typing import NamedTuple
 
 from ruckig import ControlInterface, InputParameter, Ruckig, RuckigError, Trajectory
@@ -199,6 +200,19 @@ class Profile:
         state = self.position, self.velocity, self.acceleration
         *_, end = self._solve(0.0, state, Phase(self.dynamics, deceleration, deceleration, 0.0))
         return end.position
+
+    def shifted(self, by: float) -> 'Profile':
+        """Return another profile with the same motion, further by a distance."""
+        other = copy(self)
+        other.position += by
+        other._pieces = [piece.moved(0.0, by) for piece in self._pieces]
+        other._changes = list(self._changes)
+        if self._announced is not None:
+            other._announced = [piece.moved(0.0, by) for piece in self._announced]
+        order = self._order
+        if order is not None and order.position is not None:
+            other._order = order._replace(position=order.position + by)
+        return other
 
     @property
     def present(self) -> float:

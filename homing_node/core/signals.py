@@ -10,6 +10,7 @@ in s of the caller's one clock.
 
 from itertools import pairwise
 from math import inf
+from typing import Protocol
 
 from ..procedures.states import LIMIT_SWITCHES, Input
 from .edge_time import MessageTimes, Opening
@@ -19,6 +20,12 @@ from .track import Track
 FINEST = 1e-9
 #: A change so soon after the last one is a bounce, s.
 BOUNCE_TIME = 0.005
+
+
+class HasLevel(Protocol):
+    """An input as a run sees it; ``level`` is None while it is not known."""
+
+    level: bool | None
 
 
 class Mark:

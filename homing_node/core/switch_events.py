@@ -10,7 +10,7 @@ from ..procedures.procedure import Row
 from ..procedures.states import Error, Input, Role
 from .flags import FlagEnds
 from .limits import Limit, LimitSwitches
-from .signals import Edge, Switch
+from .signals import Edge, HasLevel
 
 #: How a run ends if a switch never falls on the way back.
 STUCK_SWITCH = frozenset(
@@ -27,7 +27,7 @@ class SwitchEvents:
     """The switches of an axis as the rows of its procedure see them."""
 
     def __init__(
-        self, parameters: AxisParameters, switches: Mapping[Input, Switch], limits: LimitSwitches
+        self, parameters: AxisParameters, switches: Mapping[Input, HasLevel], limits: LimitSwitches
     ) -> None:
         self._parameters = parameters
         self._switches = switches

@@ -212,6 +212,19 @@ class Rules:
             )
         return None
 
+    def lags(self, behind: float, then: float, now: float, interval: float) -> Failure | None:
+        """Return why another drive of the axis is too far from its command, None if it is not.
+
+        Args:
+            behind: command minus feedback, now.
+            then: the same with the command of the time of the feedback.
+            now: the present time, s.
+            interval: the time between two readings of its feedback, s.
+        """
+        if abs(behind) <= self._least_limit:
+            return None
+        return self._too_far_behind(_nearest(behind, then), now, interval)
+
     def _too_far_behind(self, behind: float, now: float, interval: float) -> Failure | None:
         """Return why the feedback is too far from the command, None if a drive may lag so far.
 

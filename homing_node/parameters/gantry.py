@@ -124,7 +124,7 @@ def followers_of(
         name = full_name(axis, follower)
         faults += _bad_name(axis, follower)
         faults += [
-            f'{name}.{key}: a gantry has one, the leader\'s: {axis}.{key}'
+            f"{name}.{key}: a gantry has one, the leader's: {axis}.{key}"
             if key in DEFINITIONS
             else f'{name}.{unknown(key, FOLLOWER_DEFINITIONS)}'
             for key in own
@@ -148,7 +148,13 @@ def follower_parameters(
     """
     shared = {key: getattr(leader, key) for key in DEFINITIONS if key not in _OF_GANTRY}
     given = {key: value for key, value in own.items() if key in OWN}
-    return axis_parameters({**shared, 'joint': follower, **given}, name)
+    wired = given.pop('switches', leader.switches)
+    # A follower need not have what the home type needs.
+    found = axis_parameters({**shared, 'joint': follower, **given, 'switches': tuple(Input)}, name)
+    try:
+        return replace(found, switches=DEFINITIONS['switches'].convert(wired))
+    except ValueError as error:
+        raise InvalidParameters([f'{name}.{error}']) from None
 
 
 def _bad_name(axis: str, follower: str) -> list[str]:
@@ -225,8 +231,8 @@ def _shared_signals(
             other = seen.setdefault(signal, place)
             if other != place and source is not Input.SERVO_ENABLED:
                 faults.append(
-                    f'{name}.topics.{source}: {signal} is also {other}: on a gantry each switch is '
-                    'an input of its own; leave out of switches what a side does not have'
+                    f'{name}.topics.{source}: {signal} is also {other}: on a gantry each switch '
+                    'is an input of its own; leave out of switches what a side does not have'
                 )
     return faults
 

@@ -25,6 +25,8 @@ class Kind(TextEnum):
     FURTHER = 'further'  # on by the homing reverse distance, counted from the row's cause
     REST = 'rest'  # a stop
     HOME = 'home'  # to the home position plus the home shift distance
+    SQUARE = 'square'  # the followers of a gantry alone, until it is square
+    BACK = 'back'  # to before the references of a gantry
     APPROACH = 'approach'  # to the rehome margin before where the switch was the last time
 
 

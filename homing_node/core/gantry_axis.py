@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A gantry: an axis with followers, which homes square. No clock, no thread, no I/O.
+
+The leader is an axis like any other; its run is that of the whole gantry. Give the followers
+their messages as the axis gets its own, then call :meth:`GantryAxis.update`: it returns the
+leader's setpoint, and each follower has its own. What is particular to a gantry is explained in
+doc/gantry.md.
+"""
+
+from collections.abc import Mapping
+
+from ..parameters.axis import AxisParameters
+from ..parameters.gantry import group_parameters
+from ..procedures.states import Error, Input
+from .axis import VELOCITY_SPAN, Axis, Setpoint
+from .gantry_follower import Follower
+from .gantry_machine import GantryMachine
+from .gantry_run import GantryRun, Side
+from .limits import Action
+from .machine import Machine
+from .outcome import MemberHome, Outcome
+from .profile import Profile
+from .remembered import Remembered
+from .settling import jammed
+from .signals import Edge
+
+
+class GantryAxis(Axis):
+    """An axis with followers.
+
+    Attributes:
+        followers: its followers.
+        largest_skew: the largest |skew| in the run in progress or in the last one, m or rad.
+    """
+
+    #: The class of the followers.
+    follower_class: type[Follower] = Follower
+
+    def __init__(
+        self,
+        name: str,
+        parameters: AxisParameters,
+        period: float,
+        lead: float,
+        followers: Mapping[str, AxisParameters],
+    ) -> None:
+        """Make a gantry at rest.
+
+        Args:
+            name: the name of the axis.
+            parameters: the leader's parameters.
+            period: the period of the cycle, s.
+            lead: how long before its time a setpoint is told, s.
+            followers: the parameters of the followers, by their full names.
+        """
+        self.followers: tuple[Follower, ...] = ()
+        self.largest_skew = 0.0
+        self._run: GantryRun | None = None
+        self._braked: list[Profile] = []  # own paths of followers that stop
+        self._group = group_parameters(parameters, followers.values())
+        super().__init__(name, parameters, period, lead)
+        self.followers = tuple(
+            self.follower_class(full_name, own, self) for full_name, own in followers.items()
+        )
+        self._ended = self._members_at_rest()
+        self.configure(parameters)
+
+    def configure(
+        self, parameters: AxisParameters, followers: Mapping[str, AxisParameters] | None = None
+    ) -> None:
+        """Use new parameters; ``followers``: those of the followers, by their full names.
+
+        Raises:
+            RuntimeError: a run is in progress.
+        """
+        super().configure(parameters)
+        for follower in self.followers:
+            follower.configure((followers or {}).get(follower.name, follower.parameters))
+        own = [follower.parameters for follower in self.followers]
+        self._group = group_parameters(parameters, own)
+        self.profile = Profile(self.period, self._group.max_jerk, lead=self.lead)
+
+    @property
+    def drives(self) -> dict[str, Axis | Follower]:
+        """The axis and its followers, by their full names."""
+        return {self.name: self, **{follower.name: follower for follower in self.followers}}
+
+    # ------------------------------------------------------------------------- what followers tell
+
+    def take_from(self, follower: Follower, edge: Edge) -> None:
+        """Take an edge of a follower's switch."""
+        if self._run is not None and self.machine is not None:
+            self._take_side(self._run.followers[self.followers.index(follower)], edge)
+
+    def latch_from(self, follower: Follower, source: Input, position: float) -> None:
+        """Take a latched position of a follower, in its *toward* frame."""
+        if self._run is not None and self.machine is not None:
+            self._run.followers[self.followers.index(follower)].latches.add(source, position)
+
+    def lose_servo_of(self, name: str) -> None:
+        """End a run and lose the home, because the drive of a side is off.
+
+        The sides whose drives are still on come to rest; then all are switched off.
+        """
+        text = f'the drive of {name} switched its servo off'
+        self._rest = None
+        self._lose_home(Error.ServoOff, f'{text}; a gantry may spring back then')
+        self.stop(Error.ServoOff, text, Action(self._group.ls_dec, True))
+
+    def lose_home_of(self, name: str, error: Error, text: str) -> None:
+        """Lose the home, because that of a follower is lost."""
+        self._lose_home(error, f'{name}: {text}')
+
+    def enable(self, enabled: bool) -> None:
+        """Record the leader's own servo state; one that goes off ends the run."""
+        self.readings.servo_enabled = enabled
+        if not enabled and Input.SERVO_ENABLED in self.parameters.inputs:
+            self.lose_servo_of(self.name)
+
+    def _lose_servo(self, text: str, action: Action) -> None:
+        self._lose_home(Error.ServoOff, text)
+        for follower in self.followers:
+            follower.lose_rest()
+        super()._lose_servo(text, action)
+
+    # ----------------------------------------------------------------------------------- requests
+
+    def refusal(self, now: float, verify: bool = False) -> Outcome | None:
+        """Return why a run cannot start now, None if it can."""
+        if verify and not self.running:
+            return self._failed(
+                Error.InvalidParameter, 'a gantry cannot be verified; home it instead'
+            )
+        found = super().refusal(now, verify)
+        if found is not None:
+            return found
+        for follower in self.followers:
+            readings = follower.readings
+            unready = readings.unready(now, follower.parameters.joint) or readings.motion()
+            if unready is not None:
+                return self._failed(unready.error, f'{follower.name}: {unready.seen}')
+        return None
+
+    def _new_machine(self, now: float, known: Remembered | None) -> Machine:
+        """Return the run that begins, of all sides."""
+        leader = Side(self.name, self.parameters, self.readings, self.parameters)
+        sides = []
+        for follower in self.followers:
+            follower.begin(self.profile.position)
+            sides.append(
+                Side(
+                    follower.name,
+                    follower.parameters,
+                    follower.readings,
+                    self.parameters,
+                    follower,
+                )
+            )
+        self._run = GantryRun(self._group, leader, sides, self.profile)
+        return GantryMachine(self._run, self.profile, now, self.readings.track.position)
+
+    def cycles_were_missed(self, elapsed: float) -> None:
+        """Take that no cycle came for a time, s."""
+        super().cycles_were_missed(elapsed)
+        if self.machine is not None and self._moved:
+            for follower in self.followers:
+                if follower.profile is not None:
+                    follower.profile.skip(elapsed)
+
+    def time_jumped_back(self, now: float) -> None:
+        """Forget the times of all that was received, because simulated time jumped back."""
+        super().time_jumped_back(now)
+        for follower in self.followers:
+            follower.settle(float('inf'))
+            follower.readings.time_jumped_back(now)
+
+    # --------------------------------------------------------------------------------- each cycle
+
+    def update(self, now: float) -> Setpoint | None:
+        """Advance by one period; return the leader's setpoint if a run moves the gantry."""
+        machine, run = self.machine, self._run
+        moving = self.profile.velocity != 0.0
+        for follower in self.followers:
+            readings, own = follower.readings, follower.profile
+            if follower.returning:
+                follower.come_back()
+            readings.moving = moving or (own is not None and own.velocity != 0.0)
+            if readings.unsettled:
+                follower.settle(now)
+            follower.setpoint = None
+        if machine is None or run is None:
+            if self.homed:
+                self._watch_followers(now)
+            return super().update(now)
+        if not machine.finished:
+            run.update(now)
+            if machine.ending.stopping:
+                self._stop_followers(machine)
+        setpoint = super().update(now)
+        self.largest_skew = run.largest_skew
+        if setpoint is not None:
+            for follower in self.followers:
+                follower.advance()
+        return setpoint
+
+    def _watch_followers(self, now: float) -> None:
+        """Lose the home if the feedback of a follower does not come any more."""
+        for follower in self.followers:
+            if self.parameters.clear_home_done_on_comm_stop and not (
+                follower.readings.feedback_is_fresh(now)
+            ):
+                limit = follower.parameters.feedback_timeout
+                text = f'{follower.name}: no feedback came for {limit:g} s (feedback_timeout)'
+                self._lose_home(Error.FeedbackStale, text)
+
+    def _stop_followers(self, machine: Machine) -> None:
+        """Stop the followers that move on paths of their own."""
+        gentle = machine.ending.error is Error.Canceled
+        for follower in self.followers:
+            own = follower.profile
+            if own is not None and own.velocity * own.velocity + own.acceleration**2 > 0.0:
+                self._brake(own, gentle)
+
+    def _brake(self, own: Profile, gentle: bool) -> None:
+        if own not in self._braked:
+            self._braked.append(own)
+            own.stop(None if gentle else self._group.ls_dec)
+
+    def _take(self, edge: Edge) -> None:
+        if self._run is None or self.machine is None:
+            super()._take(edge)
+        else:
+            self._take_side(self._run.leader, edge)
+
+    def _take_side(self, side: Side, edge: Edge) -> None:
+        assert self._run is not None
+        for_leader = self._run.take(side, edge)
+        if for_leader is not None:
+            self._edges.add(for_leader)
+
+    def _stop_where_it_is(self, machine: Machine, now: float) -> None:
+        """Plan the stop of each side from where it is."""
+        super()._stop_where_it_is(machine, now)
+        fastest = self.readings.top_speed
+        for follower in self.followers:
+            track = follower.readings.track
+            velocity = min(fastest, max(-fastest, track.drift(VELOCITY_SPAN)))
+            position = track.position + velocity * max(0.0, now - track.time)
+            follower.take_own_path().stop_from(position, velocity, self._group.ls_dec)
+
+    def _finish(self, now: float) -> Setpoint | None:
+        """End the run as soon as the feedback of all sides has settled after their commands."""
+        machine = self.machine
+        assert machine is not None
+        if self._moved and not machine.ending.silent:
+            failed = machine.ending.error is not Error.NoError
+            for follower in self.followers:
+                p, readings = follower.parameters, follower.readings
+                own = follower.profile
+                if own is not None and not own.arrived:
+                    return self._wait(now)
+                behind = follower.commanded() - readings.track.position
+                followed = abs(behind) <= p.settling_tolerance
+                settled = follower.settling.over(
+                    now, readings.track, p.homing_velocity_slow, followed or failed
+                )
+                if readings.feedback_is_fresh(now) and not settled:
+                    return self._wait(now)
+                if not (followed or failed):
+                    stuck = jammed(behind, p.settling_tolerance)
+                    machine.fail(stuck._replace(seen=f'{follower.name}: {stuck.seen}'))
+        return super()._finish(now)
+
+    def _wait(self, now: float) -> Setpoint:
+        """Go on for a cycle in which a follower has not settled."""
+        self.profile.update()
+        return self._setpoint(now)
+
+    def _end(self, outcome: Outcome) -> None:
+        machine, run = self.machine, self._run
+        if run is not None:
+            self._ended = self._members_of(run)
+            outcome = outcome._replace(members=self._ended)
+        now = machine.now if machine is not None else 0.0
+        silent = machine is None or machine.ending.silent
+        self._run = None
+        super()._end(outcome)
+        for follower in self.followers:
+            watched = self._moved and not silent and follower.readings.feedback_is_fresh(now)
+            follower.end(now, silent and self._moved, watched)
+        self._braked.clear()
+
+    # ------------------------------------------------------------------------------ what is shown
+
+    @property
+    def members(self) -> tuple[MemberHome, ...]:
+        """The drives of the gantry as they are now, the leader first."""
+        if self._run is not None:
+            return self._members_of(self._run)
+        raw = [self.raw_position, *(follower.raw_position for follower in self.followers)]
+        return tuple(
+            member._replace(position=position)
+            for member, position in zip(self._ended, raw, strict=True)
+        )
+
+    def _members_of(self, run: GantryRun) -> tuple[MemberHome, ...]:
+        sign = self._sign
+        members = []
+        for side in run.sides:
+            found = run.found.get(side)
+            own = sign if side.follower is None else side.follower.sign
+            square = run.squareness.get(side)
+            members.append(
+                MemberHome(
+                    side.name if side.follower is None else side.name.partition('.')[2],
+                    side.parameters.joint or self.name,
+                    own * side.track.position,
+                    0.0 if side.follower is None else sign * run.skew(side, side.at_start)[0],
+                    own * found.position if found is not None else 0.0,
+                    sign * square.error if square is not None else 0.0,
+                    square.uncertainty if square is not None else 0.0,
+                )
+            )
+        return tuple(members)
+
+    def _members_at_rest(self) -> tuple[MemberHome, ...]:
+        """Return the drives before the first run."""
+        first = MemberHome(self.name, self.parameters.joint or self.name)
+        return first, *(
+            MemberHome(one.name.partition('.')[2], one.parameters.joint) for one in self.followers
+        )
+
+    def homed_position_of(self, follower: Follower) -> float:
+        """Return where a follower is in the homed coordinates of the gantry, as it is now homed.
+
+        A follower that stands as the last run has left it reads the same as the leader.
+        """
+        ahead = follower.sign * follower.raw_position - follower.offset
+        return (follower.sign * self._sign) * (self._sign * ahead - self.outcome.home_offset)
