@@ -23,7 +23,7 @@ class ConnectedInputs:
     def check(self) -> Iterator[Finding]:
         """Yield the findings of all axes."""
         for axis, connections in self._configuration.connections.items():
-            switches = self._configuration.axes[axis].switches
+            switches = self._configuration.drives[axis].switches
             yield from self._unread(axis, connections, switches)
             yield from self._latches(axis, connections, switches)
             yield from self._bits(axis, connections, switches)

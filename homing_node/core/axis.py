@@ -8,7 +8,8 @@ homing direction is applied here. SI units; times are in s of one monotonic cloc
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from ..parameters.axis import AxisParameters
 from ..procedures.states import LIMIT_SWITCHES, Error, Input
@@ -78,6 +79,11 @@ class Axis(AxisHome):
         self._sign = parameters.home_direction.sign
         self.readings.configure(parameters)
         self.profile = Profile(self.period, parameters.max_jerk, lead=self.lead)
+
+    @property
+    def drives(self) -> Mapping[str, Any]:
+        """What receives the messages of each of its drives, by full name; one but for a gantry."""
+        return {self.name: self}
 
     # ------------------------------------------------------------------------------------- inputs
 

@@ -177,4 +177,9 @@ class Dispatch(Generic[Waiter]):
     def _unknown(self, name: str) -> Outcome | None:
         if name in self._axes:
             return None
+        for axis in self._axes.values():
+            for follower in list(axis.drives)[1:]:
+                if name in (follower, follower.partition('.')[2]):
+                    text = f'{name!r} is a follower of the gantry {axis.name}: home {axis.name}'
+                    return Outcome(Error.UnknownAxis, text)
         return Outcome(Error.UnknownAxis, f'{name!r} is none of the axes {", ".join(self._axes)}')

@@ -8,6 +8,7 @@ doc/gantry.md.
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 from ..parameters.axis import AxisParameters
 from ..parameters.gantry import group_parameters
@@ -81,8 +82,8 @@ class GantryAxis(Axis):
         self.profile = Profile(self.period, self._group.max_jerk, lead=self.lead)
 
     @property
-    def drives(self) -> dict[str, Axis | Follower]:
-        """The axis and its followers, by their full names."""
+    def drives(self) -> Mapping[str, Any]:
+        """The axis and its followers, which all receive messages, by their full names."""
         return {self.name: self, **{follower.name: follower for follower in self.followers}}
 
     # ------------------------------------------------------------------------- what followers tell

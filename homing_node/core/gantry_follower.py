@@ -256,7 +256,7 @@ class Follower:
             self.readings.settled = self.readings.track.time
         if not silent:
             self._rest = Rest(self.sign * self.command, self.raw_position)
-            self.profile = None
+            self.rejoin()
             return
         self._rest = None
         own = self.take_own_path()

@@ -62,7 +62,7 @@ def wiring_of(configuration: Configuration) -> Wiring:
     return Wiring(
         {
             Place(axis, name): str(configuration.connections[axis].source(axis, name))
-            for axis, parameters in configuration.axes.items()
+            for axis, parameters in configuration.drives.items()
             for name in parameters.inputs
         }
     )

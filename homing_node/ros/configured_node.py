@@ -9,6 +9,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
 from ..check import Severity, check, errors
+from ..parameters import gantry
 from ..parameters.axis import DEFINITIONS, AxisParameters, axis_parameters
 from ..parameters.configuration import (
     AXIS_DEFINITIONS,
@@ -25,6 +26,7 @@ from ..parameters.connections import (
     connections,
 )
 from ..parameters.definition import InvalidParameters
+from ..parameters.gantry import FOLLOWER_DEFINITIONS
 from . import messages
 from .declaring_node import DeclaringNode
 
@@ -43,6 +45,7 @@ FIXED = (
     'lifecycle',
     'coordinated',
     'joint',
+    'followers',
 )
 
 #: The same for the parameters of an axis whose names begin so.
@@ -86,6 +89,43 @@ class ConfiguredNode(DeclaringNode, ABC):
                 f'{axis}.limit_reversal': parameters.limit_reversal,
             }
             self.declare(AXIS_DEFINITIONS, {**implied, **given}, f'{axis}.')
+        self._declare_followers(given)
+
+    def _declare_followers(self, given: Mapping[str, object]) -> None:
+        """Declare what followers have of their own; it takes effect at the start only."""
+        self._of_followers = {
+            name: value
+            for name, value in given.items()
+            if any(name.startswith(f'{full}.') for full in self._follower_names())
+        }
+        for full in self._follower_names():
+            own = {
+                key: definition
+                for key, definition in FOLLOWER_DEFINITIONS.items()
+                if f'{full}.{key}' in given
+            }
+            self.declare(own, given, f'{full}.', read_only=True)
+
+    def _follower_names(self) -> list[str]:
+        return [name for of in self.configuration.followers.values() for name in of]
+
+    def followers_of(self, axis: str, parameters: AxisParameters) -> dict[str, AxisParameters]:
+        """Return the parameters of the followers of an axis, where the axis has these.
+
+        Raises InvalidParameters where they do not fit.
+        """
+        own = {
+            follower: {
+                name.removeprefix(f'{axis}.{follower}.'): value
+                for name, value in self._of_followers.items()
+                if name.startswith(f'{axis}.{follower}.')
+            }
+            for follower in parameters.followers
+        }
+        found, _, faults = gantry.followers_of(axis, parameters, own)
+        if faults:
+            raise InvalidParameters(faults)
+        return found
 
     def serve_parameters(self) -> None:
         """Let parameters be set from now on."""
@@ -185,7 +225,7 @@ class ConfiguredNode(DeclaringNode, ABC):
                     check_node_value(parameter.name, parameter.value, list(axes))
                 elif axis in axes and (user := self.in_use(axis)):
                     faults.append(f'{parameter.name}: {user}; set it afterwards')
-                elif axis in axes:
+                elif axis in axes and parameter.name not in self._of_followers:
                     value = AXIS_DEFINITIONS[name].convert(parameter.value)
                     changed.setdefault(axis, {})[name] = value
             except ValueError as error:
@@ -248,7 +288,10 @@ class ConfiguredNode(DeclaringNode, ABC):
         for axis in self.configuration.axes:
             names += [f'{axis}.{name}' for name in AXIS_DEFINITIONS]
         values = {name: self.get_parameter(name).value for name in names}
-        return {name: value for name, value in values.items() if value is not None}
+        return {
+            **{name: value for name, value in values.items() if value is not None},
+            **self._of_followers,
+        }
 
     def _values(self, axis: str, names: Iterable[str] = AXIS_DEFINITIONS) -> dict[str, object]:
         """Return those parameters of an axis that have a value."""

@@ -86,6 +86,7 @@ class Cycle:
             logger: The logger of the node.
         """
         self._axes, self._period, self.timeout = axes, period, timeout
+        self._followers = [one for axis in axes.values() for one in list(axis.drives.values())[1:]]
         self._timebase, self._lock = timebase, lock
         self._inputs, self._dispatch, self._setpoints = inputs, dispatch, setpoints
         self._order, self._controllers, self._reports = order, controllers, reports
@@ -194,6 +195,9 @@ class Cycle:
                 if setpoint is not None:
                     setpoints[name] = setpoint
                 changed = self._reports.report(axis) or changed
+            for follower in self._followers:
+                if follower.setpoint is not None:
+                    setpoints[follower.name] = follower.setpoint
             if self._recorder.open:
                 self._recorder.cycle(now, setpoints)
             ended = []

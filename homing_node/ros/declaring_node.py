@@ -58,6 +58,7 @@ class DeclaringNode(Node):
         definitions: Mapping[str, Definition],
         given: Mapping[str, object],
         prefix: str = '',
+        read_only: bool = False,
     ) -> None:
         """Declare parameters with what is known of them, and with the values that were given."""
         declared, empty = [], []
@@ -68,7 +69,8 @@ class DeclaringNode(Node):
             value = messages.plain(given.get(name, definition.initial))
             if value == []:  # rclpy takes it for an array of bytes
                 empty.append(Parameter(name, Parameter.Type.STRING_ARRAY, value))
-            described = messages.descriptor(definition, read_only=self.fixed(key))
+            fixed = read_only or self.fixed(key)
+            described = messages.descriptor(definition, read_only=fixed)
             declared.append((name, value, described))
         self.declare_parameters('', declared, ignore_override=True)
         self.set_parameters(empty)

@@ -223,7 +223,7 @@ class Doctor:
             topics[0] if topics else f'{self.target}/{graph.SETPOINT_TOPICS[interface]}',
             interface,
             checked.position_joints,
-            {checked.joints[axis]: (axis, p) for axis, p in checked.axes.items()},
+            {checked.joints[axis]: (axis, p) for axis, p in checked.drives.items()},
             checked.update_rate,
         )
 
@@ -269,7 +269,7 @@ class Doctor:
     def _inputs(self, checked: Configuration) -> dict[tuple[str, str], HeardInput]:
         """Return every wired input, and the feedback of the axes that have their own."""
         found = {}
-        for axis, p in checked.axes.items():
+        for axis, p in checked.drives.items():
             connections = checked.connections[axis]
             own = [FEEDBACK] if FEEDBACK in connections.sources else []
             for source in [*p.inputs, *own]:

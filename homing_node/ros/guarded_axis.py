@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An axis whose exceptions end its own run and nothing else."""
+"""An axis whose exceptions end its own run and nothing else; a gantry is one axis."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
 from ..core.axis import Axis
+from ..core.gantry_axis import GantryAxis
+from ..core.gantry_follower import Follower
 from ..core.outcome import Outcome
 from ..parameters.axis import AxisParameters
 from ..procedures.states import Error
@@ -88,3 +90,64 @@ class GuardedAxis(Axis):
                 return
         if self.running:
             self.abort(Error.InternalError, repr(error))
+
+
+class GuardedFollower(Follower):
+    """A follower whose exceptions end the run of its gantry."""
+
+    feedback = _guarded(Follower.feedback)
+    feedback_source_changed = _guarded(Follower.feedback_source_changed)
+    switch = _guarded(Follower.switch)
+    repeat = _guarded(Follower.repeat)
+    latch = _guarded(Follower.latch)
+    enable = _guarded(Follower.enable)
+    warn = _guarded(Follower.warn)
+    stop = _guarded(Follower.stop)
+
+    def _break_off(self, error: Exception) -> None:
+        self._leader._break_off(error)
+
+
+class GuardedGantry(GuardedAxis, GantryAxis):
+    """A gantry that ends its run with InternalError if its code raises."""
+
+    follower_class = GuardedFollower
+
+    def __init__(
+        self,
+        name: str,
+        parameters: AxisParameters,
+        period: float,
+        report: Callable[[str, Exception], object],
+        lead: float,
+        followers: Mapping[str, AxisParameters],
+    ) -> None:
+        """Create the gantry.
+
+        Args:
+            name: The name of the axis.
+            parameters: The leader's parameters.
+            period: The period of the cycle, s.
+            report: Called with a text and the exception, once for each run that breaks.
+            lead: How long before its time a setpoint is told, s.
+            followers: The parameters of the followers, by their full names.
+        """
+        GantryAxis.__init__(self, name, parameters, period, lead, followers)
+        self._report = report
+        self._broken_run = -1
+
+    feedback = _guarded(GantryAxis.feedback)
+    feedback_source_changed = _guarded(GantryAxis.feedback_source_changed)
+    switch = _guarded(GantryAxis.switch)
+    repeat = _guarded(GantryAxis.repeat)
+    latch = _guarded(GantryAxis.latch)
+    enable = _guarded(GantryAxis.enable)
+    warn = _guarded(GantryAxis.warn)
+    cancel = _guarded(GantryAxis.cancel)
+    resume = _guarded(GantryAxis.resume)
+    stop = _guarded(GantryAxis.stop)
+    cycles_were_missed = _guarded(GantryAxis.cycles_were_missed)
+    cycle_was_late = _guarded(GantryAxis.cycle_was_late)
+    set_emergency_stop = _guarded(GantryAxis.set_emergency_stop)
+    set_servo = _guarded(GantryAxis.set_servo)
+    update = _guarded(GantryAxis.update)

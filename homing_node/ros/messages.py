@@ -12,7 +12,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from homing_interfaces.action import Home
-from homing_interfaces.msg import AxisState
+from homing_interfaces.msg import AxisState, MemberState
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -197,6 +197,7 @@ def axis_state(stamp: int, axis: Axis) -> AxisState:
         following_error=float(axis.following_error),
         inputs=[str(one) for one, _ in levels],
         levels=[LEVELS[level] for _, level in levels],
+        members=[MemberState(**member._asdict()) for member in axis.members],
     )
     message.header.stamp = to_stamp(stamp)
     return message

@@ -32,7 +32,7 @@ from ..parameters.qos import POLICIES
 from .configured_node import ConfiguredNode
 from .controllers import Controllers
 from .cycle import Cycle, late_cycle
-from .guarded_axis import GuardedAxis
+from .guarded_axis import GuardedAxis, GuardedGantry
 from .handovers import Handovers
 from .input_status import InputStatus
 from .inputs import Inputs
@@ -67,15 +67,15 @@ class HomingNode(ConfiguredNode):
         checked = self.configuration
         period = 1.0 / checked.update_rate
         self._joints = checked.joints
-        self._axes = {
-            name: GuardedAxis(name, parameters, period, self._axis_broke, checked.lead)
-            for name, parameters in checked.axes.items()
+        self._axes = {name: self._make_axis(name, period) for name in checked.axes}
+        self._drives = {
+            name: drive for axis in self._axes.values() for name, drive in axis.drives.items()
         }
         self._lock = threading.Lock()
         simulated = bool(self.get_parameter('use_sim_time').value)
         self._timebase = TimeBase(self._ros_time if simulated else None)
         self._inputs = Inputs(
-            self._axes,
+            self._drives,
             self._joints,
             self._timebase,
             Subscriptions(self),
@@ -83,12 +83,12 @@ class HomingNode(ConfiguredNode):
             self._lock,
             checked.serialized,
         )
-        for name in self._axes:
+        for name in self._drives:
             self._inputs.wire(name, checked.connections[name])
-        self._shared_signals = SharedSignals(self._axes, self._inputs.wiring)
+        self._shared_signals = SharedSignals(self._drives, self._inputs.wiring)
         self._note_wiring()
         self._setpoints = INTERFACES[checked.setpoint_interface](
-            self._axes, checked, self._timebase, self._create_setpoints
+            self._drives, checked, self._timebase, self._create_setpoints
         )
         self._inputs.serve_others(self._setpoints.others)
         self._handovers = Handovers(self, self._axes, self._joints, self._lock)
@@ -119,6 +119,7 @@ class HomingNode(ConfiguredNode):
             self._publishers_of,
             self._any_run,
             self.permissions.refusal,
+            lambda name: self._axes[name].drives if name in self._axes else (),
         )
         self._waits = Waits(self, group)
         self._dispatch: Dispatch[Future] = Dispatch(
@@ -162,6 +163,13 @@ class HomingNode(ConfiguredNode):
 
     # ---------------------------------------------------------------------------------- creation
 
+    def _make_axis(self, name: str, period: float) -> GuardedAxis:
+        """Return an axis, or the gantry that it leads."""
+        checked = self.configuration
+        made = name, checked.axes[name], period, self._axis_broke, checked.lead
+        followers = checked.followers.get(name)
+        return GuardedGantry(*made, followers) if followers else GuardedAxis(*made)
+
     def _create_setpoints(self, kind: Any, topic: str) -> Any:
         """Create the publisher of a setpoint interface."""
         self._setpoint_publisher = self.create_publisher(
@@ -171,12 +179,12 @@ class HomingNode(ConfiguredNode):
 
     def _describe_setpoints(self) -> facts.Setpoints:
         """Return what the rules about controllers must know."""
-        axes = self._axes.items()
+        drives = self._drives.items()
         return facts.Setpoints(
             self._setpoint_publisher.topic_name,
             str(self.configuration.setpoint_interface),
             self.configuration.position_joints,
-            {self._joints[name]: (name, axis.parameters) for name, axis in axes},
+            {self._joints[name]: (name, drive.parameters) for name, drive in drives},
             self.configuration.update_rate,
         )
 
@@ -282,7 +290,11 @@ class HomingNode(ConfiguredNode):
     def take_axis(self, axis: str, parameters: AxisParameters) -> None:
         """Give an axis new parameters, which it has at its next run."""
         with self._lock:
-            self._axes[axis].configure(parameters)
+            followers = self.followers_of(axis, parameters)
+            if followers:
+                self._axes[axis].configure(parameters, followers)
+            else:
+                self._axes[axis].configure(parameters)
             self._memories.configure(axis, parameters)
             self._inputs.wire(axis, self.connections_of(axis))
             self._note_wiring()
@@ -290,8 +302,8 @@ class HomingNode(ConfiguredNode):
     def _note_wiring(self) -> None:
         """Note which inputs read the same signal."""
         wiring = self._shared_signals.wiring = self._inputs.wiring
-        for name, axis in self._axes.items():
-            axis.readings.wire_in_series(wiring.in_series(name))
+        for name, drive in self._drives.items():
+            drive.readings.wire_in_series(wiring.in_series(name))
 
     def take(self, name: str, value: Any) -> None:
         """Take a new value of one of the node's own parameters."""

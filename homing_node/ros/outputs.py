@@ -44,6 +44,10 @@ class Sink:
         self._publisher = publisher
         self._ways = tuple(ways)
 
+    def add(self, way: Callable[[float], object]) -> None:
+        """Let something else take each value, too."""
+        self._ways = (*self._ways, way)
+
     def publish(self, value: float) -> None:
         """Tell a value; True, False or a number."""
         self._publisher.publish(self._publisher.msg_type(data=value))
@@ -207,8 +211,12 @@ class Outputs:
                     one = ServiceCalls(node, f'axis {axis}: {output}', calls)
                     self._calls.append(one)
                     ways.append(partial(self._calling, one))
-                publisher = node.create_publisher(kind, f'~/{axis}/{output}', qos)
+                topic = f'~/{axis.replace(".", "/")}/{output}'
+                publisher = node.create_publisher(kind, topic, qos)
                 self.sinks[axis][output] = Sink(publisher, ways)
+                leader = self.sinks.get(axis.partition('.')[0])
+                if '.' in axis and leader:  # what the leader is told, its followers are told
+                    leader[output].add(self.sinks[axis][output].publish)
         if faults:
             raise InvalidParameters(faults)
 

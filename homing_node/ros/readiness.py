@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Why an axis cannot home now, for the reasons that only the node knows."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from ..core.outcome import Outcome, together
 from ..core.shared_signals import SharedSignals
@@ -33,6 +33,7 @@ class Readiness:
         publishers_of: Callable[[str], list[str]],
         any_run: Callable[[], bool],
         forbidden: Callable[[str], Outcome | None],
+        drives_of: Callable[[str], Iterable[str]],
     ) -> None:
         """Keep what is looked at.
 
@@ -48,12 +49,14 @@ class Readiness:
             publishers_of: Returns the nodes that publish on a topic.
             any_run: Returns whether a run is on.
             forbidden: Returns why others let an axis not home: a lock, a node that is not active.
+            drives_of: Returns the full names of the drives of an axis.
         """
         self._faults, self._inputs, self._shared_signals = faults, inputs, shared_signals
         self._controllers, self._order, self._setpoints = controllers, order, setpoints
         self._handovers = handovers
         self._timebase, self._publishers_of, self._any_run = timebase, publishers_of, any_run
         self._forbidden = forbidden
+        self._drives_of = drives_of
 
     def unready(self, name: str) -> Outcome | None:
         """Return why an axis cannot home now, else None."""
@@ -69,10 +72,13 @@ class Readiness:
         faults = self._faults()
         if name in faults:
             return Outcome(Error.InvalidParameter, '; '.join(faults[name]))
+        for drive in self._drives_of(name):
+            wrong = self._inputs.conflict(drive, self._publishers_of)
+            wrong = wrong or self._shared_signals.refusal(drive)
+            if wrong is not None:
+                return wrong
         return (
-            self._inputs.conflict(name, self._publishers_of)
-            or self._shared_signals.refusal(name)
-            or self._handovers.wrong(name)
+            self._handovers.wrong(name)
             or self._controllers.conflict()
             or self._controllers.verdict.wrong
             or (self._order and self._order.wrong)
@@ -83,7 +89,7 @@ class Readiness:
         if self._timebase.now < FIRST_INSTANT:
             text = 'use_sim_time is true, but /clock was not heard, or is at 0'
             return [Outcome(Error.FeedbackStale, text)]
-        missing = self._inputs.missing(name)
+        missing = [one for drive in self._drives_of(name) for one in self._inputs.missing(drive)]
         others = self._setpoints.unready()
         if others is not None:
             missing.append(others)

@@ -267,6 +267,10 @@ class Reports:
         }
         if not homed:
             return STATE_PERIOD
+        for axis in self._axes.values():
+            if axis.homed and axis.members:
+                for follower in axis.followers:
+                    homed[self._joints[follower.name]] = axis.homed_position_of(follower)
         self._queue.put(
             (self._to.joint_states.publish, messages.joint_states(self._stamp(), homed))
         )
