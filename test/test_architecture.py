@@ -47,6 +47,7 @@ PURE = [
 #: What those may use of the standard library.
 PURE_LIBRARY = {
     'collections',
+    'copy',
     'dataclasses',
     'difflib',
     'enum',

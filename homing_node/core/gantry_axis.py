@@ -16,7 +16,8 @@ from ..procedures.states import Error, Input
 from .axis import VELOCITY_SPAN, Axis, Setpoint
 from .gantry_follower import Follower
 from .gantry_machine import GantryMachine
-from .gantry_run import GantryRun, Side
+from .gantry_run import GantryRun
+from .gantry_side import Side
 from .limits import Action
 from .machine import Machine
 from .outcome import MemberHome, Outcome
@@ -194,11 +195,11 @@ class GantryAxis(Axis):
                 self._watch_followers(now)
             return super().update(now)
         if not machine.finished:
-            run.update(now)
+            run.update(machine, now)
             if machine.ending.stopping:
                 self._stop_followers(machine)
         setpoint = super().update(now)
-        self.largest_skew = run.largest_skew
+        self.largest_skew = run.rules.largest_skew
         if setpoint is not None:
             for follower in self.followers:
                 follower.advance()
@@ -234,8 +235,8 @@ class GantryAxis(Axis):
             self._take_side(self._run.leader, edge)
 
     def _take_side(self, side: Side, edge: Edge) -> None:
-        assert self._run is not None
-        for_leader = self._run.take(side, edge)
+        assert self._run is not None and self.machine is not None
+        for_leader = self._run.switches.take(side, edge, self.machine)
         if for_leader is not None:
             self._edges.add(for_leader)
 
@@ -280,7 +281,7 @@ class GantryAxis(Axis):
     def _end(self, outcome: Outcome) -> None:
         machine, run = self.machine, self._run
         if run is not None:
-            self._ended = self._members_of(run)
+            self._ended = run.members
             outcome = outcome._replace(members=self._ended)
         now = machine.now if machine is not None else 0.0
         silent = machine is None or machine.ending.silent
@@ -297,32 +298,12 @@ class GantryAxis(Axis):
     def members(self) -> tuple[MemberHome, ...]:
         """The drives of the gantry as they are now, the leader first."""
         if self._run is not None:
-            return self._members_of(self._run)
+            return self._run.members
         raw = [self.raw_position, *(follower.raw_position for follower in self.followers)]
         return tuple(
             member._replace(position=position)
             for member, position in zip(self._ended, raw, strict=True)
         )
-
-    def _members_of(self, run: GantryRun) -> tuple[MemberHome, ...]:
-        sign = self._sign
-        members = []
-        for side in run.sides:
-            found = run.found.get(side)
-            own = sign if side.follower is None else side.follower.sign
-            square = run.squareness.get(side)
-            members.append(
-                MemberHome(
-                    side.name if side.follower is None else side.name.partition('.')[2],
-                    side.parameters.joint or self.name,
-                    own * side.track.position,
-                    0.0 if side.follower is None else sign * run.skew(side, side.at_start)[0],
-                    own * found.position if found is not None else 0.0,
-                    sign * square.error if square is not None else 0.0,
-                    square.uncertainty if square is not None else 0.0,
-                )
-            )
-        return tuple(members)
 
     def _members_at_rest(self) -> tuple[MemberHome, ...]:
         """Return the drives before the first run."""

@@ -23,7 +23,8 @@ from ..procedures.squaring import (
 from ..procedures.states import Input
 from ..procedures.steps import HOME_SHIFT_MOVE, HS_CLEAR_REVERSE_AT_START, Step
 from .gantry_edges import GroupEdge, GroupMark
-from .gantry_run import GantryRun, Side
+from .gantry_run import GantryRun
+from .gantry_side import Side
 from .gantry_squaring import SquaringMove
 from .latches import EVENTS
 from .machine import Machine
@@ -34,6 +35,8 @@ from .signals import Edge, Mark
 
 #: How long after the axis rests before its references a switch may still tell that it fell, s.
 PATIENCE = 0.1
+#: Another Z-pulse is further away than this part of the pitch.
+NEAREST_PULSE = 0.4
 #: A gantry goes back so often before its references at most.
 MOST_TRIES = 20
 
@@ -93,7 +96,7 @@ class GantryMovement(Movement):
         run.forget_edges(now)
         self._tries, self._rests = 0, inf
         way = run.way
-        places = [mark.position - side.offset for side, mark in run.found.items()]
+        places = [mark.position - side.offset for side, mark in run.squareness.found.items()]
         first = min(places, key=lambda place: place * way)
         self._back = first - way * self._run_up(p)
         self._proving = True
@@ -136,7 +139,7 @@ class GantryMovement(Movement):
             return None
         self._rests = min(self._rests, now)
         latched = self._run.event in EVENTS.values()
-        if latched or self._run.passed_back() or self._tries == MOST_TRIES:
+        if latched or self._run.switches.passed_back() or self._tries == MOST_TRIES:
             return Event.DONE, Mark(feedback)
         if now - self._rests > PATIENCE:
             self._tries += 1
@@ -173,7 +176,7 @@ class GantryMovement(Movement):
             return event, GroupMark(found[run.leader], found)
         if found:
             first = next(iter(found))
-            return run.missing_latch(first, found[first], missing, event)
+            return run.rules.missing_latch(first, found[first], missing, event, self.leg.since)
         return None
 
     def _leaders_latch(
@@ -189,9 +192,9 @@ class GantryMovement(Movement):
         """Return beyond where the latches of a side count."""
         run, cause = self._run, self._cause
         if self._proving:
-            pitch = run.leader.latches.pitch or self.latches.pitch
-            reach = self._run_up(self._parameters)
-            return run.found[side].position - way * min(reach, 0.4 * pitch if pitch else reach)
+            reach, pitch = self._run_up(self._parameters), self.latches.pitch
+            reach = min(reach, NEAREST_PULSE * pitch) if pitch else reach
+            return run.squareness.found[side].position - way * reach
         if isinstance(cause, GroupEdge) and side in cause.parts:
             return float(cause.parts[side].position)
         begin = cause.position if isinstance(cause, Edge) else self.leg.feedback
@@ -215,7 +218,7 @@ class GantryMachine(Machine):
     movement: GantryMovement
 
     def __init__(self, run: GantryRun, profile: Profile, now: float, feedback: float) -> None:
-        super().__init__(run.parameters, profile, run.levels, now, feedback)
+        super().__init__(run.parameters, profile, run.switches.levels, now, feedback)
         self.run = run
         self._rows = dict(gantry_rows(self.procedure))
         self.movement = GantryMovement(self.parameters, profile, now, feedback, self.warn, run)
@@ -257,14 +260,17 @@ class GantryMachine(Machine):
         """Return what follows the reference: the last move, the squaring move, or the end."""
         run = self.run
         if proved:
-            run.measure([self._cause])
-            return run.unproven(), HOME_SHIFT_MOVE
-        run.measure(self.passes.fine)
-        moves = run.moves()
+            run.squareness.measure([self._cause])
+            return run.squareness.unproven(), HOME_SHIFT_MOVE
+        run.squareness.measure(self.passes.fine)
+        moves = run.squareness.moves()
         if isinstance(moves, Failure):
             return moves, HOME_SHIFT_MOVE
         if not moves:
             return None, HOME_SHIFT_MOVE
+        blocked = run.switches.blocked(moves)
+        if blocked is not None:
+            return blocked, HOME_SHIFT_MOVE
         self.movement.square(moves)
         if not self.parameters.timeout:
             self.rules.deadline += self._proof_time(max(map(abs, moves.values())))

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from ..parameters.axis import AxisParameters
 from ..procedures.motions import Pace
 from ..procedures.states import Error
-from .gantry_run import Side
+from .gantry_side import Side
 from .outcome import Failure
 from .profile import Dynamics, Profile
 from .settling import SETTLE_TIMEOUT, Settling
@@ -74,7 +74,7 @@ class SquaringMove:
         if late:
             return self._did_not(late[0])
         if self._tested:
-            self._end()
+            self._end(now)
             return True
         self._tested, self._arrived = True, None
         for side, move in self._moves.items():
@@ -131,10 +131,11 @@ class SquaringMove:
             'is it jammed, its drive too weak for a stiff gantry, or are cables swapped?',
         )
 
-    def _end(self) -> None:
+    def _end(self, now: float) -> None:
         for side in self._moves:
             assert side.follower is not None
             side.apart += self.moved(side)
+            side.since = now
             side.follower.rejoin()
 
 

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rules of a gantry that hold in every state: they stand beside the tables (doc/gantry.md).
+
+- No side may get further ahead of the leader than `max_skew`, compared at equal times.
+- After the first side has passed its reference, the others must within `max_skew` and their
+  `switch_offset`.
+- A stale input or a following error of any side stops all.
+
+Positions are in the *toward* frame, m or rad; times in s are passed in.
+"""
+
+from collections.abc import Sequence
+
+from ..parameters.axis import AxisParameters
+from ..procedures.events import Event
+from ..procedures.motions import Kind
+from ..procedures.states import Error, Input
+from .gantry_edges import GroupEdge
+from .gantry_side import Side, place_at, time_at
+from .gantry_switches import GantrySwitches, awaited
+from .machine import Machine
+from .outcome import Failure
+from .profile import Profile
+from .signals import Mark
+
+#: A message of a switch may be so late, s: before that its edge is not missing.
+LATE = 0.05
+
+
+class GantryRules:
+    """The rules of one run.
+
+    Attributes:
+        largest_skew: the largest |skew| so far.
+    """
+
+    def __init__(
+        self,
+        parameters: AxisParameters,
+        sides: tuple[Side, ...],
+        switches: GantrySwitches,
+        profile: Profile,
+    ) -> None:
+        """Keep what the rules look at.
+
+        Args:
+            parameters: those of the gantry as one axis.
+            sides: all sides, the leader's first.
+            switches: their switches.
+            profile: the leader's path.
+        """
+        self._p, self._sides, self._switches, self._profile = parameters, sides, switches, profile
+        self._leader = sides[0]
+        self._began = self._leader.track.position
+        self.largest_skew = 0.0
+
+    def broken(self, machine: Machine, now: float) -> Failure | None:
+        """Return the rule that is broken, None while all hold."""
+        return (
+            self._stale(now)
+            or self._skewed(machine)
+            or self._lagging(machine, now)
+            or self._missing(machine)
+        )
+
+    def skew(self, side: Side, apart: float) -> tuple[float, float]:
+        """Return how far a side is ahead of the leader, and how far that may be off.
+
+        Both places are those of the newest time that both feedbacks know.
+
+        Args:
+            side: the side.
+            apart: its place less the leader's where it is not ahead.
+        """
+        one, other = side.track, self._leader.track
+        time = min(one.time, other.time)
+        unsure = abs(self._profile.velocity) * sum(
+            track.doubt + track.late_readings for track in (one, other)
+        )
+        return place_at(one, time) - place_at(other, time) - apart, unsure
+
+    def _stale(self, now: float) -> Failure | None:
+        for side in self._sides[1:]:
+            p = side.parameters
+            if now - side.readings.arrival > p.feedback_timeout or p.switch_timeout:
+                stale = side.readings.stale(now)
+                if stale is not None:
+                    return stale._replace(seen=f'{side.name}: {stale.seen}')
+        return None
+
+    def _skewed(self, machine: Machine) -> Failure | None:
+        limit = self._p.max_skew
+        if machine.row.motion.kind is Kind.SQUARE:
+            return None  # gantry_squaring.py bounds that move
+        for side in self._sides[1:]:
+            if min(side.track.time, self._leader.track.time) < side.since:
+                continue  # the feedback is still of the squaring move
+            skew, unsure = self.skew(side, side.apart)
+            self.largest_skew = max(self.largest_skew, abs(skew))
+            if abs(skew) - unsure > limit:
+                ahead = 'ahead of' if skew > 0.0 else 'behind'
+                return Failure(
+                    Error.SkewTooLarge,
+                    f'{side.name} is {abs(skew):.6g} m {ahead} the leader, more than {limit:.6g} '
+                    'm (max_skew)',
+                    'is a side jammed, its motor off, its encoder inverted, or its cable swapped?',
+                )
+        return None
+
+    def _lagging(self, machine: Machine, now: float) -> Failure | None:
+        for side in self._sides[1:]:
+            track, follower = side.track, side.follower
+            assert follower is not None
+            behind = follower.commanded() - track.position
+            then = follower.commanded(min(max(0.0, now - track.time), LATE)) - track.position
+            failure = machine.rules.lags(behind, then, now, track.interval)
+            if failure is not None:
+                return failure._replace(seen=f'{side.name}: {failure.seen}')
+        return None
+
+    # ------------------------------------------------------------------------ missing references
+
+    def _missing(self, machine: Machine) -> Failure | None:
+        """Return which side has not found its switch, though another one has."""
+        row = machine.row
+        if row.motion.kind is not Kind.SEARCH:
+            return None
+        for source, captures in self._switches.captures.items():
+            if not awaited(row, source is Input.HOME_SWITCH):
+                continue
+            found = captures.pending
+            if found is not None:
+                edge, first, missing = found
+                if captures.way != row.motion.way:
+                    continue  # a bounce from before it turned
+                failure = self._too_far(first, edge.time, missing, source.text, edge.uncertainty)
+                if failure is not None:
+                    return failure
+            elif stuck := captures.stuck:
+                far = abs(self._leader.track.position - self._began)
+                reach = self._reach(stuck[0], self._leader)
+                if far > 2.0 * reach + self._p.homing_reverse_distance:
+                    return _no_switch(stuck, source.text, far, 'fall', 'others are off')
+        return None
+
+    def apart(self, group: GroupEdge[Side]) -> Failure | None:
+        """Return which side has passed its switch too far from the first one."""
+        track = self._leader.track
+        first = min(group.parts, key=lambda side: group.parts[side].time)
+        place, unsure = place_at(track, group.parts[first].time), group.parts[first].uncertainty
+        for side, edge in group.parts.items():
+            far = abs(place_at(track, edge.time) - place)
+            if far > self._reach(side, first) + unsure + edge.uncertainty:
+                return _no_switch(
+                    [side], edge.input.text, far, 'change', f'{first.name} had passed its own'
+                )
+        return None
+
+    def missing_latch(
+        self, first: Side, mark: Mark, missing: Sequence[Side], event: Event, since: float
+    ) -> Failure | None:
+        """Return which side has not latched a reference, though another one has.
+
+        A Z-pulse may come a turn later: then it is known that it is the wrong one. ``since`` is
+        when the axis has turned.
+        """
+        time = max(since, time_at(first.track, mark.position))
+        pitch = self._p.z_pulse_distance_check if event is Event.Z_PULSE else 0.0
+        text = 'Z-pulse' if event is Event.Z_PULSE else 'touch probe'
+        return self._too_far(first, time, missing, text, mark.uncertainty + pitch)
+
+    def _too_far(
+        self, first: Side, time: float, missing: Sequence[Side], what: str, more: float
+    ) -> Failure | None:
+        track = self._leader.track
+        known = min(side.track.time for side in self._sides) - LATE
+        if known <= time:
+            return None
+        far = abs(place_at(track, known) - place_at(track, time))
+        late = [side for side in missing if far > self._reach(side, first) + more]
+        if not late:
+            return None
+        return _no_switch(late, what, far, 'change', f'{first.name} has passed its own')
+
+    def _reach(self, side: Side, first: Side) -> float:
+        """Return how far apart the references of two sides may be."""
+        return self._p.max_skew + abs(side.shift - first.shift)
+
+
+def _no_switch(sides: Sequence[Side], what: str, far: float, change: str, other: str) -> Failure:
+    names = ', '.join(side.name for side in sides)
+    return Failure(
+        Error.FollowerSwitchMissing,
+        f'the {what} of {names} did not {change} within {far:.6g} m, though {other} '
+        '(max_skew and switch_offset)',
+        'is it dead or stuck, its cable cut, or its polarity wrong?',
+    )
