@@ -127,7 +127,8 @@ class Captures(Generic[SideT]):
             self._falls.pop(side, None)
         else:
             self._falls[side] = edge
-        if not self.level and len(self._rises) == len(self.sides):
+        all_on = all(one in self._rises or self._on[one] for one in self.sides)
+        if not self.level and edge.rises and all_on:
             self.level = True
             return self._group(edge, self._rises)
         if self.level and not any(self._on.values()):
@@ -145,9 +146,13 @@ class Captures(Generic[SideT]):
         self._rises.clear()
         self._falls.clear()
 
-    def passed(self, side: SideT) -> bool:
-        """Return whether a side has passed an edge since the axis turned."""
-        return side in self._rises or side in self._falls
+    def note(self, side: SideT, edge: Edge) -> None:
+        """Take the level of a side that has moved alone: its edge is none of the group."""
+        self._on[side] = edge.rises
+
+    def is_before(self, side: SideT, rises: bool) -> bool:
+        """Return whether a side stands before its reference (a rise, or a fall), or passed it."""
+        return self._on[side] is not rises or side in self._rises or side in self._falls
 
     @property
     def pending(self) -> tuple[Edge, SideT, list[SideT]] | None:

@@ -130,7 +130,7 @@ class GantryMovement(Movement):
         return (Event.DONE, Mark(feedback)) if ended else None
 
     def _is_back(self, now: float, feedback: float, interval: float) -> Found | None:
-        """Return the end of the way back, once each side has passed its switch on it.
+        """Return the end of the way back, once each side stands before its switch again.
 
         A switch with a wide hysteresis needs a longer way.
         """
@@ -139,7 +139,7 @@ class GantryMovement(Movement):
             return None
         self._rests = min(self._rests, now)
         latched = self._run.event in EVENTS.values()
-        if latched or self._run.switches.passed_back() or self._tries == MOST_TRIES:
+        if latched or self._run.switches.is_before() or self._tries == MOST_TRIES:
             return Event.DONE, Mark(feedback)
         if now - self._rests > PATIENCE:
             self._tries += 1
@@ -260,9 +260,9 @@ class GantryMachine(Machine):
         """Return what follows the reference: the last move, the squaring move, or the end."""
         run = self.run
         if proved:
-            run.squareness.measure([self._cause])
+            run.measure([self._cause])
             return run.squareness.unproven(), HOME_SHIFT_MOVE
-        run.squareness.measure(self.passes.fine)
+        run.measure(self.passes.fine)
         moves = run.squareness.moves()
         if isinstance(moves, Failure):
             return moves, HOME_SHIFT_MOVE

@@ -18,7 +18,7 @@ from .gantry_switches import GantrySwitches, awaited
 from .machine import Machine
 from .outcome import MemberHome
 from .profile import Profile
-from .signals import Edge
+from .signals import Edge, Mark
 
 
 class GantryRun:
@@ -85,6 +85,11 @@ class GantryRun:
             machine.fail(apart)
         else:
             machine.edge(group)
+
+    def measure(self, marks: Sequence[Mark]) -> None:
+        """Take where each side has found its reference, in one pass or more."""
+        self.squareness.measure(marks)
+        self.switches.home = self.squareness.found
 
     @property
     def members(self) -> tuple[MemberHome, ...]:

@@ -19,7 +19,7 @@ from .gantry_side import Side
 from .limits import Action, limits_of
 from .machine import Machine
 from .outcome import Failure
-from .signals import Edge
+from .signals import Edge, Mark
 
 
 class GantrySwitches:
@@ -28,6 +28,7 @@ class GantrySwitches:
     Attributes:
         levels: the levels of the group, by the leader's inputs.
         captures: the captured switches of the group.
+        home: the reference of each side, once it was found.
     """
 
     def __init__(
@@ -48,6 +49,8 @@ class GantrySwitches:
         self._target = parameters.limit_switch(target, Way.TOWARD) if target else None
         on_limit = event in (Event.LS_RISES, Event.LS_FALLS)
         self._reference = self._target if on_limit else Input.HOME_SWITCH
+        self._rises = event in (Event.HS_RISES, Event.LS_RISES)
+        self._near = parameters.edge_agreement
         self._inputs: Mapping[Side, Mapping[Input, Input]] = {
             side: {
                 leaders_input(leader.parameters, side.parameters, own): own
@@ -57,6 +60,7 @@ class GantrySwitches:
         }
         self.levels: dict[Input, GroupLevel] = {}
         self.captures: dict[Input, Captures[Side]] = {}
+        self.home: Mapping[Side, Mark] = {}
         self._unresolved: list[GroupEdge[Side]] = []
         self._since = -1e300  # edges from before count no more
         for source in switch_inputs(parameters.inputs):
@@ -103,9 +107,11 @@ class GantrySwitches:
 
     def located(self, side: Side, edge: Edge) -> GroupEdge[Side] | None:
         """Take an edge whose place is known; return the edge of the group that it completes."""
+        captures = self.captures[self.source(side, edge)]
         if edge.time < self._since:
+            captures.note(side, edge)
             return None
-        group = self.captures[self.source(side, edge)].add(side, edge)
+        group = captures.add(side, edge)
         if group is not None:
             group.refresh(self._leader.track)
             if not group.resolved:
@@ -125,10 +131,12 @@ class GantrySwitches:
         for captures in self.captures.values():
             captures.forget()
 
-    def passed_back(self) -> bool:
-        """Return whether each side has passed its reference switch since it turned."""
+    def is_before(self) -> bool:
+        """Return whether each side stands before its reference switch again."""
         captures = self.captures.get(self._reference) if self._reference else None
-        return captures is None or all(captures.passed(side) for side in captures.sides)
+        return captures is None or all(
+            captures.is_before(side, self._rises) for side in captures.sides
+        )
 
     def blocked(self, moves: Mapping[Side, float]) -> Failure | None:
         """Return which limit that is on forbids a move of a follower alone."""
@@ -167,8 +175,13 @@ class GantrySwitches:
 
     def _limit_rises(self, side: Side, source: Input, machine: Machine) -> None:
         kind, stopping = machine.row.motion.kind, machine.ending.stopping
-        if kind is Kind.BACK and source is self._target:
-            return  # it homes where the limit falls, and comes to it again
+        on_target = source is self._target and source is self._reference
+        if on_target and kind in (Kind.BACK, Kind.SQUARE):
+            return  # the gantry is near its reference: both are bounded
+        if on_target and kind is Kind.HOME and not self._rises:
+            home = self.home.get(side)
+            if home is not None and side.track.position >= home.position - self._near:
+                return  # it is back where this limit has fallen
         if kind is Kind.SQUARE:
             text = f'the {source.text} rose while the followers moved alone'
             machine.fail(Failure(Error.LSTriggered, text), self._stop)
