@@ -16,6 +16,7 @@ from core_rig import rig
 
 from homing_node.core.gantry_axis import GantryAxis
 from homing_node.core.outcome import Outcome
+from homing_node.parameters.axis import AxisParameters
 from homing_node.parameters.gantry import follower_parameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
 from homing_node.plant.simulated_axis import SimulatedAxis
@@ -87,6 +88,8 @@ class Gantry:
         direction: int = 1,
         start: float = 0.05,
         built: Mapping[str, Any] | None = None,
+        parameters: AxisParameters | None = None,
+        layout: AxisLayout | None = None,
         **changes: object,
     ) -> None:
         base = rig(home_type).built(**(built or {}))
@@ -99,11 +102,10 @@ class Gantry:
             'joint': 'y1',
             **changes,
         }
-        self.parameters = replace(base, values=values).parameters(direction)
-        self.sides, self.direction, self._layout = sides, direction, base.layout
-        self.plants = [
-            SimulatedAxis(_layout(base.layout, side, direction, start)) for side in sides
-        ]
+        self.parameters = parameters or replace(base, values=values).parameters(direction)
+        self.sides, self.direction = sides, direction
+        layout = layout or base.layout
+        self.plants = [SimulatedAxis(_layout(layout, side, direction, start)) for side in sides]
         self.time, self._steps, self._order = 0.0, 0, count()
         self.samples: list[Sample] = []
         self.motor_of, self.encoder_of = list(range(len(sides))), list(range(len(sides)))
