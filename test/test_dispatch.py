@@ -83,6 +83,14 @@ def test_an_axis_that_is_unknown(dispatch, axes):
     assert not running(axes)
 
 
+@pytest.mark.parametrize('name', ['x2', 'x.x2'])
+def test_a_follower_is_no_axis(dispatch, axes, name):
+    axes['x'].drives['x.x2'] = None
+    refusal = dispatch.home([name], 'me', 0.0)
+    assert refusal.error is Error.UnknownAxis
+    assert refusal.message == f'{name!r} is a follower of the gantry x: home x'
+
+
 def test_a_refused_axis_answers_at_once(dispatch, axes):
     axes['x'].refused = Outcome(Error.FeedbackStale, 'axis x: …')
     request = dispatch.home(['x'], 'me', 0.0)

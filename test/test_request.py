@@ -21,6 +21,7 @@ class FakeAxis:
         self.runs = 0
         self.state = State.Idle
         self.parameters = rig('HS').parameters()
+        self.drives = {name: self}
 
     def refusal(self, now, verify=False):
         return self.refused

@@ -175,10 +175,9 @@ class GantrySwitches:
 
     def _limit_rises(self, side: Side, source: Input, machine: Machine) -> None:
         kind, stopping = machine.row.motion.kind, machine.ending.stopping
-        on_target = source is self._target and source is self._reference
-        if on_target and kind in (Kind.BACK, Kind.SQUARE):
+        if source is self._target and kind in (Kind.BACK, Kind.SQUARE):
             return  # the gantry is near its reference: both are bounded
-        if on_target and kind is Kind.HOME and not self._rises:
+        if source is self._target is self._reference and kind is Kind.HOME and not self._rises:
             home = self.home.get(side)
             if home is not None and side.track.position >= home.position - self._near:
                 return  # it is back where this limit has fallen
