@@ -6,7 +6,7 @@ how fast messages travel go in, findings come out. Without a layout, only the pa
 checked, as the node does at its start.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from ..parameters.axis import AxisParameters
@@ -19,6 +19,7 @@ from .final_move import FinalMove
 from .finding import Finding, Severity, in_unit, worst_first
 from .follow_ups import without_follow_ups
 from .following_error import FollowingError
+from .gantry import OF_ANY_SIDE, Gantry
 from .index_and_probe import IndexAndProbe
 from .overruns import Overruns
 from .parameters_only import ParametersOnly
@@ -56,7 +57,9 @@ def check(
     """
     timing = timing or Timing()
     findings: list[Finding] = []
+    gantries: Mapping[str, Mapping[str, AxisParameters]] = {}
     if isinstance(axes, Configuration):
+        gantries = axes.followers
         timing = timing._replace(update_rate=axes.update_rate, lead=axes.lead)
         findings += [
             *_check_node(axes),
@@ -65,7 +68,11 @@ def check(
         ]
         axes = axes.axes
     for axis, parameters in axes.items():
-        findings += check_axis(axis, parameters, (layouts or NOWHERE).get(axis), timing)
+        layout = (layouts or NOWHERE).get(axis)
+        found = check_axis(axis, parameters, layout, timing)
+        findings += found
+        if followers := gantries.get(axis):
+            findings += check_gantry(axis, parameters, followers, layout, timing, found)
         if layouts is not None and axis not in layouts:
             findings.append(
                 Finding(
@@ -103,6 +110,32 @@ def check_axis(
     return worst_first(
         in_unit(applicable(finding, parameters), parameters.unit) for finding in findings
     )
+
+
+def check_gantry(
+    axis: str,
+    parameters: AxisParameters,
+    followers: Mapping[str, AxisParameters],
+    layout: AxisLayout | None,
+    timing: Timing,
+    of_leader: Sequence[Finding] = (),
+) -> list[Finding]:
+    """Check the sides of a gantry: each follower as an axis, and all against each other.
+
+    ``of_leader`` are the findings about the leader; a follower's that say the same are left out.
+    """
+    known = {(one.check, one.parameter, one.value, one.right) for one in of_leader}
+    findings = []
+    for name, own in followers.items():
+        side = layout.followers.get(name) if layout else None
+        findings += [
+            one
+            for one in check_axis(name, own, side, timing)
+            if one.check not in OF_ANY_SIDE
+            and (one.check, one.parameter, one.value, one.right) not in known
+        ]
+    gantry = Gantry(axis, parameters, followers, layout, timing)
+    return findings + [in_unit(one, parameters.unit) for one in gantry.check()]
 
 
 def _found(

@@ -29,6 +29,7 @@ With a layout (where the switches, hard stops and index pulses are; what you do 
 leave out) it computes how far the axis goes on behind every switch: until the message has come,
 until the deceleration has grown, until the axis rests; and compares that with the room before
 the next switch and the hard stop, at both ends, at the speed at which this home type comes there.
+Of a gantry it compares the sides with each other, too.
 """
 
 EXAMPLES = """\
@@ -83,15 +84,10 @@ def run(arguments: argparse.Namespace) -> int:
         found = [_fault(fault) for fault in error.faults]
     else:
         axes = only(arguments.axis, configuration.axes)
-        found = [
-            finding
-            for finding in check(
-                configuration,
-                None if layout is None else layout.layouts,
-                timing_of(arguments, layout),
-            )
-            if finding.axis in axes
-        ]
+        layouts = None if layout is None else layout.layouts
+        timing = timing_of(arguments, layout)
+        found = check(configuration, layouts, timing)
+        found = [one for one in found if one.axis.partition('.')[0] in axes]
     failed = bool(errors(found))
     if arguments.json:
         print(
