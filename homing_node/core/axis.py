@@ -8,13 +8,13 @@ homing direction is applied here. SI units; times are in s of one monotonic cloc
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import LIMIT_SWITCHES, Error, Input
+from ..procedures.states import Error, Input
 from .announcement import Course
-from .axis_home import AxisHome
+from .axis_inputs import AxisInputs
 from .edge_queue import EdgeQueue
 from .home_watch import HomeWatch
 from .limits import Action
@@ -24,7 +24,6 @@ from .profile import Profile
 from .remembered import Remembered
 from .result import outcome_of
 from .settling import Rest, Settling, jammed, never_moved
-from .signals import Edge
 
 #: The velocity of an axis that does not follow is the mean over this time, s.
 VELOCITY_SPAN = 0.01
@@ -33,7 +32,7 @@ VELOCITY_SPAN = 0.01
 Setpoint = tuple[float, float, float]
 
 
-class Axis(AxisHome):
+class Axis(AxisInputs):
     """One axis that can be homed.
 
     Attributes:
@@ -58,7 +57,6 @@ class Axis(AxisHome):
         super().__init__(name, parameters)
         self.period = period
         self.lead = lead
-        self._edges = EdgeQueue(parameters)
         self._settling = Settling(lead)
         self._moved = False
         self.returning = False
@@ -84,66 +82,6 @@ class Axis(AxisHome):
     def drives(self) -> Mapping[str, Any]:
         """What receives the messages of each of its drives, by full name; one but for a gantry."""
         return {self.name: self}
-
-    # ------------------------------------------------------------------------------------- inputs
-
-    def feedback(
-        self, time: float, position: float, arrival: float | None = None, doubt: float = 0.0
-    ) -> None:
-        """Record a feedback sample.
-
-        Args:
-            time: when it was sampled, s.
-            position: the raw position, m or rad.
-            arrival: when its message arrived, s; by default ``time``.
-            doubt: how far ``time`` may be wrong, s; 0 if it is a stamp that is trusted.
-        """
-        arrival = time if arrival is None else arrival
-        homing, track = self.machine is not None, self.readings.track
-        before = track.time
-        failure = self.readings.feedback(time, position, arrival, doubt, homing)
-        if failure is not None and self.machine is not None:
-            self.machine.fail(failure)
-        if track.time != before:
-            self._watch_home(time)
-
-    def switch(
-        self,
-        switch: Input,
-        time: float,
-        signal: bool,
-        arrival: float | None = None,
-        doubt: float = 0.0,
-    ) -> None:
-        """Record the level of a switch; a switch that is not wired is ignored.
-
-        Args:
-            switch: which one.
-            time: when the level was read, s.
-            signal: the level as it is on the wire, before the polarity is applied.
-            arrival: when its message arrived, s; by default ``time``.
-            doubt: how far ``time`` may be wrong, s; 0 if it is a stamp that is trusted.
-        """
-        arrival = time if arrival is None else arrival
-        edge = self.readings.switch(switch, time, signal, arrival, doubt)
-        if edge is not None:
-            self._take(edge)
-
-    def repeat(
-        self, switches: Iterable[Input], time: float, arrival: float, doubt: float = 0.0
-    ) -> None:
-        """Record that some switches have the levels of their last messages.
-
-        The arguments are those of :meth:`switch`.
-        """
-        for edge in self.readings.repeat(switches, time, arrival, doubt):
-            self._take(edge)
-
-    def latch(self, source: Input, position: float) -> None:
-        """Record a latched raw position; one that is not finite or not wired is ignored."""
-        wired = source in self.parameters.inputs
-        if self.machine is not None and wired and math.isfinite(position):
-            self.machine.latch(source, self._sign * self.readings.unwrapped(position))
 
     def enable(self, enabled: bool) -> None:
         """Record the drive's own servo state; a servo that goes off ends a run."""
@@ -326,20 +264,6 @@ class Axis(AxisHome):
             readings.series,
             known,
         )
-
-    def _take(self, edge: Edge) -> None:
-        """Queue an edge for the machine; act on a limit at once."""
-        machine = self.machine
-        if machine is None:
-            if edge.rises:
-                self.readings.series.rose_without_run(edge.input)
-            return
-        if edge.input in LIMIT_SWITCHES:
-            if edge.rises:
-                machine.limit_rises(edge.input)
-            else:
-                machine.limit_falls(edge.input)
-        self._edges.add(edge)
 
     def _test_inputs(self, machine: Machine, now: float) -> None:
         """End the run if an input is too old."""

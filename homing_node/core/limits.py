@@ -150,6 +150,8 @@ class Response(TextEnum):
 
 #: Without an action (LS Type None), these responses are nothing.
 NEED_ACTION = frozenset({Response.BRAKE_HARDER, Response.ACT, Response.FAIL})
+#: These end the run.
+FAILS = frozenset({Response.FAIL, Response.FAIL_ALWAYS, Response.FAIL_SWAPPED})
 
 _IGNORE, _ARROW, _HARDER = Response.IGNORE, Response.ARROW, Response.BRAKE_HARDER
 _ACT, _FAIL, _ALWAYS = Response.ACT, Response.FAIL, Response.FAIL_ALWAYS
@@ -256,6 +258,25 @@ def response_to(limit: Limit, rise: Rise) -> Response:
     if limit.action is None and response in NEED_ACTION:
         return Response.IGNORE
     return response
+
+
+def failure_of(response: Response, limit: Limit, second: bool, bounce_hint: str) -> Failure:
+    """Return why the rise of a limit ends a run.
+
+    Args:
+        response: one of FAILS.
+        limit: the limit.
+        second: whether a limit ahead has turned the axis before in this run.
+        bounce_hint: what to say of a contact that bounces, '' if none does.
+    """
+    if response is Response.FAIL_SWAPPED:
+        return Failure(
+            Error.LSTriggered,
+            f'the {limit.name} rose while the axis moved toward',
+            'are the limit inputs swapped, or is home_direction wrong?',
+        )
+    again = ' for the second time in this run' if second else ''
+    return Failure(Error.LSTriggered, f'the {limit.name} rose{again}', bounce_hint)
 
 
 class LimitSwitches:

@@ -8,7 +8,6 @@ Sources: WMX3 manual, "Limit Switches During Homing"; doc/homing.md for what is 
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from ..parameters.axis import AxisParameters
 from ..procedures.events import CONDITIONS, Event
@@ -18,7 +17,7 @@ from ..procedures.states import Error, Input, State
 from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Step
 from .ending import Ending
 from .latches import EVENTS
-from .limits import Action, Limit, LimitSwitches, Response, Rise, response_to
+from .limits import FAILS, Action, Limit, LimitSwitches, Response, Rise, failure_of, response_to
 from .movement import Movement
 from .outcome import Failure
 from .passes import Passes
@@ -29,20 +28,10 @@ from .signals import Edge, HasLevel, Mark
 from .switch_events import SwitchEvents
 from .track import Track
 from .travel import Rules
+from .undo import Undo
 
 #: The edges that end the search for a switch.
 SEARCHED = (Event.HS_RISES, Event.HS_FALLS, Event.LS_RISES)
-
-
-class Snapshot(NamedTuple):
-    """What stood before an edge took its arrow, should an edge of an earlier time still arrive."""
-
-    step: Step
-    edge: Edge
-    reversed: bool
-    reference: Mark | None
-    coarse_pass: Mark | None
-    fine_passes: tuple[Mark, ...]
 
 
 class Machine:
@@ -55,6 +44,7 @@ class Machine:
         paused: the axis waits before a turn (``pause_mode``).
         movement: the motion of the present row.
         reference: the home position, None until it was found.
+        reversed: the one reversal is used up.
         rules: the bounds of every motion.
         passes: the passes over the reference so far.
         arrows: every arrow taken so far.
@@ -75,6 +65,7 @@ class Machine:
         'ending',
         'movement',
         'reference',
+        'reversed',
         'arrows',
         'passes',
         'warnings',
@@ -85,8 +76,7 @@ class Machine:
         '_limits',
         'rules',
         '_cause',
-        '_before_edge',
-        '_reversed',
+        '_undo',
         '_paused_at',
     )
 
@@ -120,8 +110,8 @@ class Machine:
         self.movement = Movement(parameters, profile, now, feedback, self.warn)
         self.rules = Rules(parameters, now)
         self._cause = Mark(feedback)
-        self._before_edge: Snapshot | None = None  # None: no edge took the last arrow
-        self._reversed = False  # the one reversal is used up
+        self._undo: Undo | None = None  # None: no edge took the last arrow
+        self.reversed = False
         self.passes = Passes(parameters)
         self.warnings: list[str] = []
         self._paused_at = now
@@ -161,15 +151,13 @@ class Machine:
 
     def _first_step(self) -> Step:
         """Return the step in which the run begins: a quick one, if it knows where to go."""
-        known, quick = self._known, list(self.procedure.quick)
-        if known is None or not quick:
+        quick = self._known and self._known.way(
+            self.procedure, self.parameters.margin_before_switch, self.profile.position
+        )
+        if not quick:
             return self.procedure.first
-        self.movement.approach = known.approach - self.parameters.margin_before_switch
-        ahead, back = quick
-        step = ahead if self.movement.approach >= self.profile.position else back
-        if Event.REPEAT in self._rows[self._rows[step].on[Event.DONE]].on:
-            self.passes.expected = Mark(known.home, known.uncertainty)
-        return step
+        self.movement.approach, self.passes.expected = quick.approach, quick.expected
+        return quick.step
 
     def edge(self, edge: Edge) -> None:
         """Take an edge whose way of travel is known.
@@ -183,11 +171,14 @@ class Machine:
             return
         rises, falls, on = self._switches.events_of(edge.input)
         event = rises if edge.rises else falls
-        before = self._before_edge
-        if before and event and edge.order < before.edge.order:
-            row = self._rows[before.step]
-            if event in row.on and self._switches.counts(edge, row):
-                self._undo(before)
+        undo = self._undo
+        if (
+            undo
+            and event in undo.row.on
+            and edge.order < undo.edge.order
+            and self._switches.counts(edge, undo.row)
+        ):
+            undo.take_back(self)
         if event and event in self.row.on and self._switches.counts(edge, self.row):
             self._advance(event, edge)
         elif edge.rises and on and on in self.row.on and self._switches.on(edge.input):
@@ -207,20 +198,9 @@ class Machine:
             self.ending.stop(action)
         elif response is Response.BRAKE_HARDER and action:
             self.profile.brake_harder(action.deceleration or self.parameters.ls_dec)
-        elif response is Response.FAIL_SWAPPED:
-            self.fail(
-                Failure(
-                    Error.LSTriggered,
-                    f'the {limit.name} rose while the axis moved toward',
-                    'are the limit inputs swapped, or is home_direction wrong?',
-                ),
-                action,
-            )
-        elif response in (Response.FAIL, Response.FAIL_ALWAYS):
-            second = self._reversed and limit.way is Way.TOWARD
-            again = ' for the second time in this run' if second else ''
-            seen = f'the {limit.name} rose{again}'
-            self.fail(Failure(Error.LSTriggered, seen, self._switches.bounce_hint), action)
+        elif response in FAILS:
+            second = self.reversed and limit.way is Way.TOWARD
+            self.fail(failure_of(response, limit, second, self._switches.bounce_hint), action)
 
     def limit_falls(self, switch: Input) -> None:
         """Remember where a limit fell, so that its bounce is not taken for a rise."""
@@ -299,7 +279,7 @@ class Machine:
 
     def _advance(self, event: Event, cause: Mark) -> None:
         """Follow an arrow."""
-        self._before_edge = self._snapshot(cause) if isinstance(cause, Edge) else None
+        self._undo = Undo.of(self, cause)
         step = self.row.on[event]
         if step is HOME_SHIFT and self.passes.add(cause):
             event = Event.REPEAT
@@ -308,7 +288,7 @@ class Machine:
         if event in SEARCHED and self.row.motion.way is Way.TOWARD:
             self.seen.approach = cause
         if event is Event.LIMIT_AHEAD:
-            if self._reversed:
+            if self.reversed:
                 self.fail(
                     Failure(
                         Error.LSTriggered,
@@ -318,7 +298,7 @@ class Machine:
                     )
                 )
                 return
-            self._reversed = True
+            self.reversed = True
             self.passes.forget()
         if (
             event in (Event.LIMIT_AHEAD, Event.LS_RISES)
@@ -338,20 +318,6 @@ class Machine:
         elif event in (Event.HS_RISES, Event.LS_RISES) and step is not HOME_SHIFT:
             self.passes.coarse = cause
         self._enter(step, cause)
-
-    def _snapshot(self, edge: Edge) -> Snapshot:
-        """Return what stands now, before an edge takes its arrow."""
-        passes = self.passes
-        return Snapshot(
-            self.step, edge, self._reversed, self.reference, passes.coarse, tuple(passes.fine)
-        )
-
-    def _undo(self, before: Snapshot) -> None:
-        """Take back the last arrow: the command goes on, but nothing else of it stays."""
-        self._set_row(before.step)
-        del self.arrows[-1]
-        self._reversed, self.reference = before.reversed, before.reference
-        self.passes.coarse, self.passes.fine = before.coarse_pass, list(before.fine_passes)
 
     def _set_row(self, step: Step) -> None:
         """Make a row the present one."""
@@ -399,7 +365,7 @@ class Machine:
             braking=rests or motion.way is Way.AWAY,
             to_home=motion.kind is Kind.HOME,
             at_its_edge=self.passes.end_at_fall_of(limit.input, self.feedback),
-            awaited=self._switches.awaits(self.row, limit, self._reversed),
+            awaited=self._switches.awaits(self.row, limit, self.reversed),
             turned_by_it=isinstance(cause, Edge) and cause.input is limit.input,
             just_left=self._limits.bounces(limit.input, self.feedback),
             all_ls=self.parameters.all_ls_during_homing,

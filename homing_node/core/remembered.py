@@ -3,11 +3,28 @@
 
 from typing import NamedTuple
 
+from ..procedures.events import Event
+from ..procedures.procedure import Procedure
 from ..procedures.states import Input
+from ..procedures.steps import Step
 from .signals import Edge, Mark
 
 #: A run keeps no more edges than these, and no more latches: a contact may bounce for ever.
 MOST_SEEN = 100
+
+
+class QuickWay(NamedTuple):
+    """How a quick run begins.
+
+    Attributes:
+        step: its first step.
+        approach: where it goes quickly, m or rad.
+        expected: the home that its slow pass should find, None if it has none to compare with.
+    """
+
+    step: Step
+    approach: float
+    expected: Mark | None
 
 
 class Remembered(NamedTuple):
@@ -26,6 +43,24 @@ class Remembered(NamedTuple):
     def mirrored(self, sign: float) -> 'Remembered':
         """Return the same in the other frame: raw, or *toward*."""
         return Remembered(sign * self.approach, sign * self.home, self.uncertainty)
+
+    def way(self, procedure: Procedure, margin: float, position: float) -> QuickWay | None:
+        """Return how a quick run begins, in the *toward* frame; None if the type has no quick one.
+
+        Args:
+            procedure: the table of the home type.
+            margin: how far before the switch the quick way ends.
+            position: where the axis is.
+        """
+        if not procedure.quick:
+            return None
+        ahead, back = procedure.quick
+        approach = self.approach - margin
+        step = ahead if approach >= position else back
+        rows = {**procedure.rows, **procedure.quick}
+        compares = Event.REPEAT in rows[rows[step].on[Event.DONE]].on
+        expected = Mark(self.home, self.uncertainty) if compares else None
+        return QuickWay(step, approach, expected)
 
 
 class Seen:
