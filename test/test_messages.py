@@ -15,6 +15,7 @@ from homing_node.core.dispatch import DryRun
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import axis_parameters
 from homing_node.parameters.configuration import AXIS_DEFINITIONS, NODE_DEFINITIONS
+from homing_node.parameters.units import Unit
 from homing_node.parameters.wiring import Place, Wiring
 from homing_node.procedures.states import Error, Input, State
 from homing_node.ros import cell_messages, messages
@@ -89,7 +90,17 @@ def test_numbers_are_cast():
 def test_home_message():
     homed = Outcome(Error.NoError, '', 0.123456789123, -0.5, 1.23456e-5)
     assert messages.home_message({'x': homed}) == (
-        'Homed: home_position_raw=0.123456789123 home_offset=-0.5 uncertainty=1.23e-05'
+        'Homed: home_position_raw=0.123457 m ± 12.3 µm home_offset=-0.500000 m '
+        'uncertainty=1.23e-05 m'
+    )
+    rotary = homed._replace(unit=Unit.rad, duration=2.583, uncertainty=2e-8, index_margin=0.5)
+    assert messages.home_message({'x': rotary}) == (
+        'Homed: home_position_raw=0.123456789 rad ± 0.02 µrad home_offset=-0.500000000 rad '
+        'uncertainty=2e-08 rad index_margin=0.500, 2.58 s'
+    )
+    passes = homed._replace(passes=3, passes_range=2e-6, passes_deviation=1e-6, applied=0.25)
+    assert messages.home_message({'x': passes}).endswith(
+        ' passes=3 range=2 µm deviation=1 µm applied=0.250000 m'
     )
     failed = Outcome(Error.LSTriggered, 'axis x: …')
     canceled = Outcome(Error.Canceled, 'axis y: …')

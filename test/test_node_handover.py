@@ -119,8 +119,8 @@ def served(tmp_path_factory):
 def test_the_driver_reads_homed_positions(served):
     answer = served.home()
     assert answer.success, answer.message
-    assert 'home_offset=0 ' in answer.message
-    assert f'applied={RAW - HOMED:.6g}' in answer.message
+    assert 'home_offset=0.000000' in answer.message
+    assert f'applied={RAW - HOMED:.6f}' in answer.message
     served.rests(HOMED)
     assert served.active()
     assert served.state.homed

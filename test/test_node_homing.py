@@ -110,7 +110,7 @@ def test_every_axis_finds_its_edge(run):
     for axis, answer in run.answers.items():
         assert answer.success, answer.message
         found = re.match(
-            r'Homed: home_position_raw=(\S+) home_offset=(\S+) uncertainty=(\S+)( |$)',
+            r'Homed: home_position_raw=(\S+) m ± .*? home_offset=(\S+) m uncertainty=(\S+) m',
             answer.message,
         )
         assert found, answer.message

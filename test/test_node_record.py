@@ -47,7 +47,8 @@ def test_a_run_is_recorded(world):
     found = reading.read(file)
     course = found.course
     assert not found.cut and course.outcome.success
-    assert f'home_position_raw={course.outcome.home_position_raw:.12g}' in answer.message
+    told = answer.message.partition('home_position_raw=')[2].split()[0]
+    assert float(told) == pytest.approx(course.outcome.home_position_raw, abs=1e-6)
     assert course.states[0] == 'HSSearch' and 'SecondHSSearch' in course.states
     assert 0.9 * heard <= len(course.samples) <= 1.1 * heard + 5
     assert max(abs(s.position - s.feedback) for s in course.samples) < 0.005
@@ -59,6 +60,28 @@ def test_a_run_is_recorded(world):
     assert reader.get_summary().statistics.message_count == sum(
         1 for _ in reader.iter_decoded_messages()
     )
+
+
+def test_the_node_tells_what_it_is_ready_for_and_what_was_asked(world):
+    assert not world.client.set(x__homing_velocity_fast=-1.0).successful
+    assert world.client.set(x__homing_velocity_fast=0.03).successful
+    world.client.trigger('x/cancel')
+
+    def told():
+        return world.node.output
+
+    for text in (
+        'ready to home x at 250 Hz; setpoints (trajectory) on /homing_node/setpoints; records in',
+        'axis x: HSHS toward positive; joint x from /joint_states; home_switch from '
+        '/homing_node/x/home_switch, ',
+        'the setpoints on /homing_node/setpoints go to /simulated_axes',
+        '~/x/home asked for x',
+        'axis x: Homed: home_position_raw=',
+        'not set: x.homing_velocity_fast',
+        'x.homing_velocity_fast is now 0.03 m/s',
+        'asked to cancel x',
+    ):
+        world.client.until(lambda text=text: text in told(), what=text)
 
 
 def test_of_a_node_that_is_killed_the_run_is_drawn_up_to_there(world, tmp_path, capsys):

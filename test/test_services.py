@@ -30,10 +30,13 @@ def test_what_was_told_before_a_request_counts_before_it():
         done.append('look')
 
     memories = SimpleNamespace(look=look)
-    services = Services(SimpleNamespace(home=home), None, clock, lock, poll, None, memories)
+    said = []
+    log = SimpleNamespace(warning=said.append)
+    services = Services(SimpleNamespace(home=home), None, clock, lock, poll, None, memories, log)
     serving = services.home(['x'], 'me')(None, SimpleNamespace())
     try:
         serving.send(None)
     except StopIteration as ended:
         assert ended.value.message == 'Busy: busy'
     assert done == ['poll', 'look', 'home']
+    assert said == ['me refused: Busy: busy']

@@ -149,7 +149,7 @@ class KeptHome(AxisStatus):
             self.home_source = 'run'
         elif outcome.success and self.home_source == 'restored':
             self.home_source = 'verified'
-        self.outcome = outcome
+        self.outcome = outcome._replace(duration=lasted)
 
     def _verified(self, before: Outcome, found: Outcome, warnings: tuple[str, ...]) -> Outcome:
         """Return the outcome of a run that has verified a home: the home stays as it was."""

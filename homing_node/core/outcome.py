@@ -60,10 +60,11 @@ class Outcome(NamedTuple):
         index_margin: distance from the edge that armed the Z-pulse to the first pulse, in pitches;
             None if it is not known.
         warnings: what the user should know of the run.
+        duration: how long the run took, s.
         verified: raw difference of the home that a run has found from the home that it verified,
             m or rad; None: it verified none.
         verified_uncertainty: how far that difference may be off, m or rad.
-        unit: the unit of that difference.
+        unit: the unit of the axis.
         final: whether waiting does not mend what forbids the run.
         applied: what the driver takes off its own coordinates since the hand-over, m or rad; None
             if it applies no home.
@@ -86,6 +87,7 @@ class Outcome(NamedTuple):
     unit: Unit = Unit.m
     applied: float | None = None
     members: tuple[MemberHome, ...] = ()
+    duration: float = 0.0
 
     @property
     def success(self) -> bool:

@@ -34,4 +34,5 @@ def outcome_of(machine: Machine, axis: str, finest: float) -> Outcome:
         passes_deviation=passes.deviation,
         index_margin=machine.movement.index_margin,
         warnings=warnings,
+        unit=p.unit,
     )

@@ -27,7 +27,7 @@ from ..parameters.connections import (
 )
 from ..parameters.definition import InvalidParameters
 from ..parameters.gantry import FOLLOWER_DEFINITIONS
-from . import messages
+from . import messages, words
 from .declaring_node import DeclaringNode
 
 #: Parameters that take effect at the start only.
@@ -201,17 +201,19 @@ class ConfiguredNode(DeclaringNode, ABC):
         """
         unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
         if unknown:  # rclpy would not say which
-            return SetParametersResult(
-                successful=False, reason=f'no such parameter: {", ".join(unknown)}'
-            )
+            return self._refused(f'no such parameter: {", ".join(unknown)}')
         deleted = [p.name for p in parameter_list if p.type_ is Parameter.Type.NOT_SET]
         if deleted:
-            return SetParametersResult(
-                successful=False,
-                reason=f'{", ".join(deleted)}: cannot be deleted; set the value that is wanted',
-            )
+            names = ', '.join(deleted)
+            return self._refused(f'{names}: cannot be deleted; set the value that is wanted')
         result = self._check_parameters(parameter_list)
-        return super().set_parameters_atomically(parameter_list) if result.successful else result
+        if not result.successful:
+            return self._refused(result.reason)
+        return super().set_parameters_atomically(parameter_list)
+
+    def _refused(self, reason: str) -> SetParametersResult:
+        self.get_logger().warning(f'not set: {reason}')
+        return SetParametersResult(successful=False, reason=reason)
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         """Check each value, the cross-checks of values set together, and what `check` finds."""
@@ -257,6 +259,7 @@ class ConfiguredNode(DeclaringNode, ABC):
     def _apply_parameters(self, parameters: list[Parameter]) -> None:
         """Forward new values; they take effect at the next run."""
         for parameter in parameters:
+            self.get_logger().info(words.changed(parameter.name, parameter.value))
             if parameter.name in NODE_DEFINITIONS:
                 self.take(parameter.name, parameter.value)
         problems = self._problems()

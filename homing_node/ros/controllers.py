@@ -190,6 +190,7 @@ class Controllers:
                     self._end(_no_controller(f'{name} no longer subscribes to {topic}'))
         for name, ids in found.items():
             if name not in self._listeners and listens(Controller(name)):
+                self._node.get_logger().info(f'the setpoints on {topic} go to {name}')
                 self._listeners[name] = Listener(
                     self._node, name, frozenset(ids), self._take_change
                 )

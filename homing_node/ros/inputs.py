@@ -340,6 +340,14 @@ class Inputs:
         """Return the inputs without which an axis does not home."""
         return [one for one in self._wired[name] if not one.is_temperature]
 
+    def sources(self, name: str) -> dict[str, str]:
+        """Return where each input of an axis comes from."""
+        return {
+            one.source: one.written.at(one.topic)
+            for one in self._wired[name]
+            if not one.is_feedback
+        }
+
     def feedback_topic_of(self, name: str) -> str:
         """Return the full name of the topic of an axis's feedback."""
         for one in self._wired[name]:

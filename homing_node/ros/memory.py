@@ -28,6 +28,7 @@ from ..parameters.axis import AxisParameters
 from ..parameters.configuration import MEMORY_FOLDER
 from ..parameters.definition import InvalidParameters
 from ..procedures.states import Error, Restore
+from . import messages
 
 #: How often it is looked whether something is to be written, s.
 WRITE_PERIOD = 0.1
@@ -234,9 +235,10 @@ class Memories:
         if accepted is None and not axis.homed:
             return ''
         run = self.keepers[axis.name].accept()
-        home = axis.outcome.home_position_raw
+        found = axis.outcome
+        home = f'{messages.place(found.home_position_raw, found.uncertainty)} {found.unit}'
         begins = '' if run is None else '; a new baseline begins with it'
-        return f'accepted: home_position_raw={home:.12g}{begins}'
+        return f'accepted: home_position_raw={home}{begins}'
 
     def _judge(self, keeper: Keeper, ended: Ended) -> Outcome:
         """Judge a run; a fault in here must not fail a homing."""
@@ -261,10 +263,11 @@ class Memories:
                     self._open_ends.discard(name)
         for name, found in decided.items():
             if isinstance(found, Restored):
+                unit, unsure = self._axes[name].parameters.unit, found.uncertainty
                 self._logger.warning(
-                    f'axis {name}: home restored from before the restart: '
-                    f'home_position_raw={found.home:.12g} home_offset={found.offset:.12g}; '
-                    'verify it'
+                    f'axis {name}: home restored from before the restart: home_position_raw='
+                    f'{messages.place(found.home, unsure)} {unit} ± {unit.length(unsure)} '
+                    f'home_offset={messages.place(found.offset, unsure)} {unit}; verify it'
                 )
             elif found is not None and found.text:
                 self._logger.warning(f'axis {name}: home not restored: {found.text}')

@@ -129,20 +129,28 @@ def _home_text(outcome: Outcome) -> str:
         unit = outcome.unit
         difference = unit.length(outcome.verified, sign=True)
         return f'{difference} ± {unit.length(outcome.verified_uncertainty)}'
+    unit, unsure = outcome.unit, outcome.uncertainty
     text = (
-        f'home_position_raw={outcome.home_position_raw:.12g} '
-        f'home_offset={outcome.home_offset:.12g} uncertainty={outcome.uncertainty:.3g}'
+        f'home_position_raw={place(outcome.home_position_raw, unsure)} {unit} ± '
+        f'{unit.length(unsure)} home_offset={place(outcome.home_offset, unsure)} {unit} '
+        f'uncertainty={unsure:.3g} {unit}'
     )
     if outcome.passes > 1:
         text += (
-            f' passes={outcome.passes} range={outcome.passes_range:.3g} '
-            f'deviation={outcome.passes_deviation:.3g}'
+            f' passes={outcome.passes} range={unit.length(outcome.passes_range)} '
+            f'deviation={unit.length(outcome.passes_deviation)}'
         )
     if outcome.applied is not None:
-        text += f' applied={outcome.applied:.12g}'
+        text += f' applied={place(outcome.applied, unsure)} {unit}'
     if outcome.index_margin is not None:
         text += f' index_margin={outcome.index_margin:.3f}'
-    return text
+    return f'{text}, {outcome.duration:.2f} s' if outcome.duration else text
+
+
+def place(value: float, uncertainty: float) -> str:
+    """Return a position with as many digits as are known, but at least six behind the point."""
+    known = 1 - math.floor(math.log10(uncertainty)) if uncertainty > 0.0 else 0
+    return f'{value:.{min(max(6, known), 12)}f}'
 
 
 def _warned(text: str, outcome: Outcome) -> str:

@@ -29,6 +29,7 @@ from ..diagnosis import facts
 from ..parameters.axis import AxisParameters
 from ..parameters.configuration import home_sequence
 from ..parameters.qos import POLICIES
+from . import words
 from .configured_node import ConfiguredNode
 from .controllers import Controllers
 from .cycle import Cycle, late_cycle
@@ -233,6 +234,7 @@ class HomingNode(ConfiguredNode):
             self._inputs.poll,
             self._waits.pause,
             self._memories,
+            self.get_logger(),
         )
 
         def serve(kind: Any, name: str, callback: Any) -> None:
@@ -322,6 +324,15 @@ class HomingNode(ConfiguredNode):
 
     def start(self) -> None:
         """Start the threads; the caller spins the executor."""
+        folder = self._recorder.folder
+        for line in words.ready(
+            self.configuration,
+            self._setpoint_publisher.topic_name,
+            {name: self._inputs.sources(name) for name in self._axes},
+            {name: self._inputs.feedback_topic_of(name) for name in self._axes},
+            '' if folder is None else str(folder.path),
+        ):
+            self.get_logger().info(line)
         self._cycle.start()
         ended = self._cycle.finished.is_set
         self._writer = threading.Thread(target=self._memories.run, args=(ended,), name='memory')

@@ -200,6 +200,10 @@ class Reports:
         with self._lock:
             self._goals.pop(bytes(goal.goal_id.uuid), None)
 
+    def runs(self, names: Sequence[str]) -> dict[str, int]:
+        """Return how many runs of some axes have ended; the lock is held."""
+        return {name: self._axes[name].history.runs for name in names}
+
     def states(self, names: Sequence[str]) -> list[Any]:
         """Return the state messages of those axes that exist; the lock is held."""
         stamp = self._stamp()

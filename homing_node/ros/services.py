@@ -46,10 +46,11 @@ class Services:
         poll: Callable[[], None],
         pause: Callable[[float], Future],
         memories: Memories,
+        logger: Any,
     ) -> None:
         self._dispatch, self._reports = dispatch, reports
         self._timebase, self._lock, self._poll = timebase, lock, poll
-        self._pause, self._memories = pause, memories
+        self._pause, self._memories, self._logger = pause, memories, logger
         self._goals: dict[bytes, Request] = {}
         self.open = 0
 
@@ -70,6 +71,7 @@ class Services:
         async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             with self._lock:
                 moving, waiting, future = self._dispatch.cancel(names)
+            self._logger.info(f'asked to cancel {", ".join(names)}')
             await self._wait(future)
             response.success = True
             response.message = messages.cancel_message(moving, waiting)
@@ -85,6 +87,8 @@ class Services:
                 response.success = axis.paused
                 axis.resume()
             response.message = '' if response.success else f'axis {axis.name} is not paused'
+            goes_on = f'axis {axis.name} goes on'
+            self._logger.info(f'asked to continue: {response.message or goes_on}')
             return response
 
         return serve
@@ -98,6 +102,7 @@ class Services:
                 self._reports.report(axis)  # off and on again within one cycle are two messages
             response.success = True
             response.message = f'servo_on of axis {axis.name}: {str(axis.servo_on).lower()}'
+            self._logger.info(f'asked: {response.message}')
             return response
 
         return serve
@@ -115,6 +120,7 @@ class Services:
             response.success = bool(accepted)
             nothing = f'{Error.NotHomed}: axis {axis.name} has found no home that can be accepted'
             response.message = accepted or nothing
+            self._logger.info(f'asked to accept the home of axis {axis.name}: {response.message}')
             return response
 
         return serve
@@ -211,12 +217,22 @@ class Services:
             self._memories.look()
             started = self._dispatch.home(names, owner, self._timebase.polled, verify)
             if isinstance(started, Outcome):
+                refused = f'{owner} refused: {started.error}: {started.message}'
+                self._logger.warning(refused)
                 return {'': started}
+            runs = self._reports.runs(started.names)
             future = self._dispatch.waiter(started)
             if key:
                 self._goals[key] = started
+        self._logger.info(f'{owner} asked for {", ".join(started.names)}')
         await self._wait(future)
-        return {name: started.outcomes[name] for name in started.names}
+        outcomes = {name: started.outcomes[name] for name in started.names}
+        with self._lock:
+            after = self._reports.runs(started.names)
+        for name, outcome in outcomes.items():
+            if not outcome.success and after[name] == runs[name]:  # no run tells it
+                self._logger.warning(f'{owner} refused: {outcome.error}: {outcome.message}')
+        return outcomes
 
     async def _wait(self, future: Future | None) -> None:
         """Wait for a future, if there is anything to wait for."""
