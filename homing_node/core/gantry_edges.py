@@ -155,6 +155,13 @@ class Captures(Generic[SideT]):
         return self._on[side] is not rises or side in self._rises or side in self._falls
 
     @property
+    def agree(self) -> bool:
+        """Whether no side waits for another one."""
+        if self._rises or self._falls:
+            return False
+        return not self.level or all(self._on.values())
+
+    @property
     def pending(self) -> tuple[Edge, SideT, list[SideT]] | None:
         """The first edge of a group's edge that is not complete, its side, and who is missing."""
         if not self.level:

@@ -22,6 +22,7 @@ from .machine import Machine
 from .outcome import Failure
 from .profile import Profile
 from .signals import Mark
+from .track import Track
 
 #: A message of a switch may be so late, s: before that its edge is not missing.
 LATE = 0.05
@@ -50,18 +51,32 @@ class GantryRules:
             profile: the leader's path.
         """
         self._p, self._sides, self._switches, self._profile = parameters, sides, switches, profile
-        self._leader = sides[0]
+        self._leader, self._followers = sides[0], sides[1:]
         self._began = self._leader.track.position
         self.largest_skew = 0.0
 
     def broken(self, machine: Machine, now: float) -> Failure | None:
         """Return the rule that is broken, None while all hold."""
-        return (
-            self._stale(now)
-            or self._skewed(machine)
-            or self._lagging(machine, now)
-            or self._missing(machine)
-        )
+        squares = machine.row.motion.kind is Kind.SQUARE  # gantry_squaring.py bounds that move
+        least, command = machine.rules.least_limit, self._profile.present
+        for side in self._followers:
+            p, readings, track = side.parameters, side.readings, side.readings.track
+            if now - readings.arrival > p.feedback_timeout or p.switch_timeout:
+                stale = readings.stale(now)
+                if stale is not None:
+                    return stale._replace(seen=f'{side.name}: {stale.seen}')
+            skewed = None if squares else self._skewed(side, track)
+            if skewed is not None:
+                return skewed
+            follower = side.follower
+            assert follower is not None
+            own = follower.profile
+            behind = (command + follower.offset if own is None else own.present) - track.position
+            if abs(behind) > least:
+                failure = self._lagging(side, behind, machine, now)
+                if failure is not None:
+                    return failure
+        return self._missing(machine)
 
     def skew(self, side: Side, apart: float) -> tuple[float, float]:
         """Return how far a side is ahead of the leader, and how far that may be off.
@@ -79,44 +94,36 @@ class GantryRules:
         )
         return place_at(one, time) - place_at(other, time) - apart, unsure
 
-    def _stale(self, now: float) -> Failure | None:
-        for side in self._sides[1:]:
-            p = side.parameters
-            if now - side.readings.arrival > p.feedback_timeout or p.switch_timeout:
-                stale = side.readings.stale(now)
-                if stale is not None:
-                    return stale._replace(seen=f'{side.name}: {stale.seen}')
-        return None
-
-    def _skewed(self, machine: Machine) -> Failure | None:
-        limit = self._p.max_skew
-        if machine.row.motion.kind is Kind.SQUARE:
-            return None  # gantry_squaring.py bounds that move
-        for side in self._sides[1:]:
-            if min(side.track.time, self._leader.track.time) < side.since:
-                continue  # the feedback is still of the squaring move
+    def _skewed(self, side: Side, track: Track) -> Failure | None:
+        """Return why a side is too far ahead of the leader, or behind it."""
+        leader = self._leader.track
+        if track.time < side.since or leader.time < side.since:
+            return None  # the feedback is still of the squaring move
+        unsure = 0.0
+        if track.time == leader.time:
+            skew = track.position - leader.position - side.apart
+        else:
             skew, unsure = self.skew(side, side.apart)
-            self.largest_skew = max(self.largest_skew, abs(skew))
-            if abs(skew) - unsure > limit:
-                ahead = 'ahead of' if skew > 0.0 else 'behind'
-                return Failure(
-                    Error.SkewTooLarge,
-                    f'{side.name} is {abs(skew):.6g} m {ahead} the leader, more than {limit:.6g} '
-                    'm (max_skew)',
-                    'is a side jammed, its motor off, its encoder inverted, or its cable swapped?',
-                )
-        return None
+        size = abs(skew)
+        if size > self.largest_skew:
+            self.largest_skew = size
+        limit = self._p.max_skew
+        if size <= limit or size - (unsure or self.skew(side, side.apart)[1]) <= limit:
+            return None
+        ahead = 'ahead of' if skew > 0.0 else 'behind'
+        return Failure(
+            Error.SkewTooLarge,
+            f'{side.name} is {size:.6g} m {ahead} the leader, more than {limit:.6g} m (max_skew)',
+            'is a side jammed, its motor off, its encoder inverted, or its cable swapped?',
+        )
 
-    def _lagging(self, machine: Machine, now: float) -> Failure | None:
-        for side in self._sides[1:]:
-            track, follower = side.track, side.follower
-            assert follower is not None
-            behind = follower.commanded() - track.position
-            then = follower.commanded(min(max(0.0, now - track.time), LATE)) - track.position
-            failure = machine.rules.lags(behind, then, now, track.interval)
-            if failure is not None:
-                return failure._replace(seen=f'{side.name}: {failure.seen}')
-        return None
+    def _lagging(self, side: Side, behind: float, machine: Machine, now: float) -> Failure | None:
+        """Return why a side is too far behind its command."""
+        track, follower = side.track, side.follower
+        assert follower is not None
+        then = follower.commanded(min(max(0.0, now - track.time), LATE)) - track.position
+        failure = machine.rules.lags(behind, then, now, track.interval)
+        return None if failure is None else failure._replace(seen=f'{side.name}: {failure.seen}')
 
     # ------------------------------------------------------------------------ missing references
 
@@ -126,7 +133,7 @@ class GantryRules:
         if row.motion.kind is not Kind.SEARCH:
             return None
         for source, captures in self._switches.captures.items():
-            if not awaited(row, source is Input.HOME_SWITCH):
+            if captures.agree or not awaited(row, source is Input.HOME_SWITCH):
                 continue
             found = captures.pending
             if found is not None:

@@ -123,6 +123,7 @@ class Rules:
     Attributes:
         distance: how far the present motion may go, m or rad.
         deadline: when the run must have ended, s.
+        least_limit: no following error is smaller than this.
     """
 
     def __init__(self, parameters: AxisParameters, now: float) -> None:
@@ -136,7 +137,7 @@ class Rules:
                 + parameters.homing_velocity_slow * parameters.mechanical_end_detection_time
             )
             self._least_following = 2.0 * behind
-        self._least_limit = max(parameters.following_error_at(0.0), self._least_following)
+        self.least_limit = max(parameters.following_error_at(0.0), self._least_following)
         self.distance = math.inf
         self._velocity = self._before = 0.0  # of this row, of the row before it
         self._entered = now
@@ -192,7 +193,7 @@ class Rules:
                 HINTS[self._bound],
             )
         behind = commanded(0.0) - feedback
-        if abs(behind) > self._least_limit and not self._searches_end:
+        if abs(behind) > self.least_limit and not self._searches_end:
             then = commanded(min(max(0.0, age), LATEST)) - feedback
             behind = _nearest(behind, then)
             failure = self._too_far_behind(behind, now, interval)
@@ -221,8 +222,6 @@ class Rules:
             now: the present time, s.
             interval: the time between two readings of its feedback, s.
         """
-        if abs(behind) <= self._least_limit:
-            return None
         return self._too_far_behind(_nearest(behind, then), now, interval)
 
     def _too_far_behind(self, behind: float, now: float, interval: float) -> Failure | None:
