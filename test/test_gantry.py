@@ -211,7 +211,8 @@ def test_cables_swapped(what):
 
 def test_switches_swapped():
     """The first pass is not square by the wrong sign; the proving pass sees it."""
-    gantry = Gantry('HSHS', (SideRig(), SideRig(skew=0.0009, zero=-0.0009)))
+    sides = SideRig(), SideRig(skew=0.0009, zero=-0.0009)
+    gantry = Gantry('HSHS', sides, edge_tolerance=0.0002)
     gantry.motor_of, gantry.encoder_of = [1, 0], [1, 0]
     message = failed(gantry, Error.NotSquare)
     assert 'in Proving' in message

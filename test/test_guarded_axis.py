@@ -6,8 +6,10 @@ from core_rig import rig
 
 from homing_node.core.machine import Machine
 from homing_node.core.profile import Profile
+from homing_node.parameters.axis import axis_parameters
+from homing_node.parameters.gantry import follower_parameters
 from homing_node.procedures.states import Error
-from homing_node.ros.guarded_axis import GuardedAxis
+from homing_node.ros.guarded_axis import GuardedAxis, GuardedGantry
 
 PERIOD = 0.004
 
@@ -118,3 +120,45 @@ def test_each_run_that_breaks_is_reported(monkeypatch, guarded):
             guarded.cycle()
         assert not guarded.axis.running
         assert len(guarded.reports) == number + 1
+
+
+@pytest.mark.parametrize('where', ['the leader', 'the follower'])
+def test_a_gantry_is_one_axis(monkeypatch, where):
+    """What breaks in a follower stops all sides, and the run ends once."""
+    reports = []
+    p = axis_parameters({**rig('HS').values, 'max_skew': 0.002, 'followers': ['y2']})
+    followers = {'y.y2': follower_parameters(p, 'y2', {})}
+    gantry = GuardedGantry('y', p, PERIOD, lambda *told: reports.append(told), 0.0, followers)
+    follower = gantry.followers[0]
+    place, now = 0.05, 0.0
+    for drive in (gantry, follower):
+        for switch in drive.parameters.inputs:
+            drive.switch(switch, 0.0, False)
+
+    def cycle():
+        nonlocal place, now
+        now += PERIOD
+        for drive in (gantry, follower):
+            drive.feedback(now, place)
+        setpoint = gantry.update(now)
+        if setpoint is not None:
+            assert follower.setpoint == setpoint
+            place = setpoint[0]
+
+    for _ in range(60):
+        cycle()
+    assert gantry.home(now) is None
+    for _ in range(20):
+        cycle()
+    with monkeypatch.context() as patch:
+        if where == 'the leader':
+            patch.setattr(Machine, 'update', raising)
+            cycle()
+        else:
+            patch.setattr(follower.readings, 'feedback', raising)
+            follower.feedback(now + 0.001, place)
+    assert gantry.error is Error.InternalError
+    while gantry.running:
+        cycle()
+    assert gantry.outcome.error is Error.InternalError
+    assert len(reports) == 1

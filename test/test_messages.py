@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from gantry_rig import Gantry, SideRig
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.serialization import serialize_message
@@ -27,6 +28,28 @@ def axis():
     axis = Axis('x', axis_parameters({'home_type': 'HS', 'travel': 1}), 0.004)
     axis.feedback(1.0, 0.5)
     return axis
+
+
+def test_members_of_a_gantry():
+    gantry = Gantry('HSHS', (SideRig(), SideRig(skew=0.001, zero=0.5)))
+    before = messages.axis_state(0, gantry.axis).members
+    assert [(one.name, one.joint, one.squareness) for one in before] == [
+        ('y', 'y1', 0.0),
+        ('y2', 'y2', 0.0),
+    ]
+    assert gantry.home().success
+    leader, follower = messages.axis_state(0, gantry.axis).members
+    assert (leader.skew, leader.squareness) == (0.0, 0.0)
+    assert follower.skew == pytest.approx(-0.001, abs=1e-4)
+    assert follower.home_position_raw == pytest.approx(0.56, abs=1e-5)
+    assert follower.position == pytest.approx(0.56, abs=1e-4)
+    assert 0.0 < follower.uncertainty < 1e-4
+    homed = gantry.axis.homed_position_of(gantry.axis.followers[0])
+    assert homed == pytest.approx(gantry.axis.position, abs=1e-4)
+
+
+def test_an_axis_has_no_members(axis):
+    assert messages.axis_state(0, axis).members == []
 
 
 @pytest.mark.parametrize(

@@ -97,11 +97,16 @@ def test_a_gantry_homes_square_beside_a_single_axis(world):
     assert abs(follower.position - leader.position) < 1e-4  # that is square on this plant
     path = ros.course(states)
     assert path[-5:] == ['HomeShift', 'Squaring', 'Proving', 'HomeShift', 'Idle']
-    both = [one.message.joint_names for one in setpoints if 'y_joint' in one.message.joint_names]
-    assert both and all('other_joint' in names for names in both)  # one message has both sides
     client.until(lambda: homed and 'other_joint' in homed[-1].message.name)
     at = dict(zip(homed[-1].message.name, homed[-1].message.position, strict=True))
     assert abs(at['other_joint'] - at['y_joint']) < 1e-4
+    for one in setpoints:  # killed at any time, the node leaves a stop of both sides
+        if 'y_joint' in one.message.joint_names:
+            assert set(one.message.joint_names) - {'x_joint'} == {'y_joint', 'other_joint'}
+            last = one.message.points[-1]
+            places = dict(zip(one.message.joint_names, last.positions, strict=True))
+            assert not any(last.velocities)
+            assert abs(places['other_joint'] - places['y_joint'] - SKEW) <= 0.002
     alone = ros.course_of(setpoints, 'y_joint'), ros.course_of(setpoints, 'other_joint')
     for samples in alone:
         ros.assert_within_limits(samples, 0.05, 0.5, 20.0)

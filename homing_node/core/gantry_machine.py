@@ -245,6 +245,13 @@ class GantryMachine(Machine):
                 for side in self.run.sides
             )
 
+    def _advance(self, event: Event, cause: Mark) -> None:
+        """Follow an arrow; the proving pass is no pass of the table, which must agree."""
+        coarse = self.passes.coarse
+        super()._advance(event, cause)
+        if self.step is PROVED:
+            self.passes.coarse = coarse
+
     def _enter(self, step: Step, cause: Mark) -> None:
         """Enter a row; square the gantry before the last move, or prove that it is square."""
         if step is HOME_SHIFT_MOVE:
