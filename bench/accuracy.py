@@ -21,7 +21,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from homing_node.figures.palette import BLUE, GREEN, INK, VERMILLION
 from homing_node.parameters.axis import axis_parameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout
-from homing_node.rehearsal.run import Rehearsal, Transport
+from homing_node.rehearsal.link import Transport
+from homing_node.rehearsal.run import Rehearsal
 
 PICTURE = Path(__file__).resolve().parent.parent / 'doc' / 'accuracy.png'
 EDGE = 0.1  # m; varied by up to 1 mm

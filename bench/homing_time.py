@@ -22,7 +22,8 @@ from homing_node.core.outcome import Outcome
 from homing_node.course import Course, Sample
 from homing_node.parameters.axis import AxisParameters, axis_parameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout
-from homing_node.rehearsal.run import Rehearsal, Transport
+from homing_node.rehearsal.link import Transport
+from homing_node.rehearsal.run import Rehearsal
 
 FAST, SLOW, ACCELERATION, JERK = 0.05, 0.005, 1.0, 100.0
 QUICK = 0.25

@@ -10,7 +10,8 @@ from homing_time import LAYOUT, parameters
 from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig
 
 from homing_node.plant.simulated_axis import SimulatedAxis
-from homing_node.rehearsal.run import PLANT_STEP, Rehearsal, Transport
+from homing_node.rehearsal.link import PLANT_STEP, Transport
+from homing_node.rehearsal.run import Rehearsal
 
 GOAL = 100.0
 

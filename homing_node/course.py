@@ -44,6 +44,11 @@ class Course:
     ``samples`` has one entry a cycle in which the axis had a setpoint; ``happenings`` what the
     switches did, where that is known; ``arrows`` what the machine went through; ``inverted`` the
     switches that are on where their level on the wire is false, where no layout tells it.
+
+    Of a gantry this is the record of the leader; ``followers`` has those of the others, by full
+    names, with the same cycles and with positions of their own encoders. There ``forces`` is what
+    the spring to the leader bore in each cycle, N, where that is known, and ``mirrored`` says that
+    the encoder counts the other way round.
     """
 
     samples: list[Sample] = field(default_factory=list)
@@ -51,6 +56,9 @@ class Course:
     outcome: Outcome | None = None
     arrows: Sequence[tuple[object, object]] = ()
     inverted: frozenset[str] = frozenset()
+    followers: dict[str, 'Course'] = field(default_factory=dict)
+    forces: list[float] = field(default_factory=list)
+    mirrored: bool = False
 
     @property
     def states(self) -> list[str]:
@@ -64,3 +72,26 @@ class Course:
     @property
     def duration(self) -> float:
         return self.samples[-1].time - self.samples[0].time if self.samples else 0.0
+
+    def skew_of(self, follower: str) -> list[float]:
+        """Return how much more a follower had moved than the leader, in each cycle."""
+        other = self.followers[follower]
+        sign = -1.0 if other.mirrored else 1.0
+        ahead = [
+            sign * one.feedback - leader.feedback
+            for one, leader in zip(other.samples, self.samples, strict=True)
+        ]
+        return [each - ahead[0] for each in ahead]
+
+    @property
+    def largest_skew(self) -> float:
+        """The largest of all skews, without their signs."""
+        return max(
+            (abs(one) for name in self.followers for one in self.skew_of(name)), default=0.0
+        )
+
+    @property
+    def largest_force(self) -> float | None:
+        """The largest force of a spring, N, without its sign; None: not known."""
+        forces = [abs(one) for other in self.followers.values() for one in other.forces]
+        return max(forces, default=None)

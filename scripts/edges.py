@@ -7,7 +7,8 @@ from homing_node.figures.palette import BLUE, GREEN, INK, VERMILLION
 from homing_node.parameters.axis import axis_parameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout
 from homing_node.procedures.states import Input
-from homing_node.rehearsal.run import Rehearsal, Transport
+from homing_node.rehearsal.link import Transport
+from homing_node.rehearsal.run import Rehearsal
 
 PICTURE = Path(__file__).resolve().parent.parent / 'doc' / 'edges.svg'
 EDGE = 0.1  # m

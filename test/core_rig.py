@@ -14,7 +14,8 @@ from homing_node.plant.carriage import _Switch
 from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
 from homing_node.procedures.states import Error, HomeType, Input, LimitPair, State
 from homing_node.procedures.tables import PROCEDURES
-from homing_node.rehearsal.run import DIRECT, Rehearsal, Transport
+from homing_node.rehearsal.link import DIRECT, Transport
+from homing_node.rehearsal.run import Rehearsal
 
 TYPES = tuple(HomeType)
 HS_OFF_TYPES = (*TYPES[5:8], HomeType.HSOffReverse)

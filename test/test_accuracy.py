@@ -11,7 +11,7 @@ from core_rig import HOME, PITCH, TRUE_HOME, error_of, home_of, rig, spoilt
 from homing_node.core.stamps import FALLBACK_DOUBT
 from homing_node.plant.layout import SwitchLayout
 from homing_node.procedures.states import Error
-from homing_node.rehearsal.run import Transport
+from homing_node.rehearsal.link import Transport
 
 STAMP_ERROR = 1e-4
 DELAYS = [

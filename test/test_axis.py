@@ -23,7 +23,7 @@ from homing_node.core.settling import SETTLE_TIMEOUT
 from homing_node.parameters.axis import AxisParameters
 from homing_node.plant.layout import SwitchLayout
 from homing_node.procedures.states import Error, HomeType, Input, State
-from homing_node.rehearsal.run import Transport
+from homing_node.rehearsal.link import Transport
 
 BOTH_WAYS = pytest.mark.parametrize('direction', DIRECTIONS, ids=['positive', 'negative'])
 PERIOD = 0.004

@@ -14,7 +14,8 @@ from homing_node.core.axis import Axis
 from homing_node.parameters.axis import axis_parameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout
 from homing_node.procedures.states import Error, Input
-from homing_node.rehearsal.run import Rehearsal, Transport
+from homing_node.rehearsal.link import Transport
+from homing_node.rehearsal.run import Rehearsal
 from homing_node.rehearsal.sweep import rehearse_from
 
 HS, AHEAD, BEHIND = 'home_switch', 'positive_limit_switch', 'negative_limit_switch'

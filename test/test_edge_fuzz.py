@@ -19,7 +19,8 @@ from homing_node.core.stamps import OWN_CLOCK
 from homing_node.parameters.axis import axis_parameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
 from homing_node.procedures.states import Error
-from homing_node.rehearsal.run import Rehearsal, Transport
+from homing_node.rehearsal.link import Transport
+from homing_node.rehearsal.run import Rehearsal
 
 #: Tests for each driver, and runs in each test.
 BATCHES, RUNS = (50, 100) if os.environ.get('HOMING_FUZZ') else (1, 24)

@@ -8,7 +8,7 @@ from core_rig import DIRECTIONS, END, HOME, TRUE_HOME, assert_homed, error_of, h
 
 from homing_node.core.signals import FINEST
 from homing_node.procedures.states import Error, FeedbackClock
-from homing_node.rehearsal.run import Transport
+from homing_node.rehearsal.link import Transport
 
 BOTH_WAYS = pytest.mark.parametrize('direction', DIRECTIONS, ids=['positive', 'negative'])
 SLOWLY = {'homing_velocity_fast': 0.05, 'homing_velocity_slow': 0.05}

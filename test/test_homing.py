@@ -46,7 +46,7 @@ from homing_node.plant.layout import SwitchLayout
 from homing_node.procedures.events import Event
 from homing_node.procedures.states import Error, HomeType, Input
 from homing_node.procedures.tables import PROCEDURES
-from homing_node.rehearsal.run import Transport
+from homing_node.rehearsal.link import Transport
 
 BOTH_WAYS = pytest.mark.parametrize('direction', DIRECTIONS, ids=['positive', 'negative'])
 SEARCHING_TYPES = pytest.mark.parametrize('home_type', TRUE_HOME, ids=str)

@@ -35,7 +35,7 @@ from hypothesis import strategies as st
 from homing_node.parameters.axis import DEFINITIONS
 from homing_node.plant.layout import SwitchLayout
 from homing_node.procedures.states import Error, HomeType
-from homing_node.rehearsal.run import Transport
+from homing_node.rehearsal.link import Transport
 
 #: How long a pause of a run may be, s; it does not count for the run's timeout.
 LONGEST_PAUSE = 0.2

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homing_node.core.outcome import Outcome
+from homing_node.core.outcome import MemberHome, Outcome
 from homing_node.course import Course, Happening, Sample
 from homing_node.figures import record
 from homing_node.procedures.states import Error, HomeType, Input, State
@@ -64,6 +64,10 @@ def test_a_course_comes_back(tmp_path, suffix, home_type):
         REAL,
         st.none() | REAL,
         st.lists(st.text()).map(tuple),
+        verified=st.none() | REAL,
+        verified_uncertainty=REAL,
+        applied=st.none() | REAL,
+        members=st.lists(st.builds(MemberHome, st.text(), st.text(), *[REAL] * 5)).map(tuple),
     ),
     title=st.text(),
 )

@@ -3,23 +3,18 @@
 
 import argparse
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from math import isclose
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
-from ..figures.palette import state_colour
 from ..parameters.axis import AxisParameters
 from ..parameters.definition import InvalidParameters
 from ..plant.layout import AxisLayout
 from ..plant.layout_file import LayoutFile
 from ..plant.timing import Timing
-from ..procedures.states import HomeType, State
-from ..rehearsal.run import PLANT_STEP
+from ..procedures.states import HomeType
+from ..rehearsal.gantry import Followers
+from ..rehearsal.link import PLANT_STEP
 from ..rehearsal.sweep import Trial, rehearse_from, transport_of
 from .common import (
     FAILED,
@@ -37,6 +32,7 @@ from .common import (
     written,
 )
 from .place import place_of
+from .run_report import as_dict, show_run
 from .sweep_axis import STARTS, sweep_axis
 
 TEXT = """\
@@ -131,10 +127,14 @@ def run(arguments: argparse.Namespace) -> int:
     good = True
     for axis, parameters in axes.items():
         parameters = _with_type(parameters, arguments.type, axis)
-        where = _place(arguments, layout, axis, parameters)
+        followers = {
+            name: replace(own, home_type=parameters.home_type)
+            for name, own in configuration.followers.get(axis, {}).items()
+        }
+        where = _place(arguments, layout, axis, parameters, followers)
         act = sweep_axis if arguments.all_starts else _run_axis
-        trials = act(arguments, axis, parameters, where, timing)
-        results += [_as_dict(axis, parameters, where, trial, timing) for trial in trials]
+        trials = act(arguments, axis, parameters, where, timing, followers)
+        results += [as_dict(axis, parameters, where, trial, timing) for trial in trials]
         good &= all(trial.success for trial in trials)
     if arguments.json:
         print(json.dumps({'ok': good, 'runs': results}, indent=2))
@@ -164,10 +164,14 @@ def _with_type(parameters: AxisParameters, home_type: str | None, axis: str) -> 
 
 
 def _place(
-    arguments: argparse.Namespace, layout: LayoutFile, axis: str, parameters: AxisParameters
+    arguments: argparse.Namespace,
+    layout: LayoutFile,
+    axis: str,
+    parameters: AxisParameters,
+    followers: Followers,
 ) -> AxisLayout:
     """Return an axis's layout if it has all that a run needs."""
-    where = place_of(arguments.layout, layout, axis, parameters, str(arguments.config))
+    where = place_of(arguments.layout, layout, axis, parameters, str(arguments.config), followers)
     low, high = where.hard_stops
     if arguments.start is not None and not low <= arguments.start <= high:
         raise Failure(
@@ -183,8 +187,14 @@ def _run_axis(
     parameters: AxisParameters,
     where: AxisLayout,
     timing: Timing,
+    followers: Followers,
 ) -> list[Trial]:
-    trial = rehearse_from(parameters, where, transport_of(timing), arguments.start, axis)
+    try:
+        trial = rehearse_from(
+            parameters, where, transport_of(timing), arguments.start, axis, followers
+        )
+    except ValueError as error:  # a follower would be beyond a hard stop
+        raise Failure(f'{arguments.layout}: axis {axis}: {error}') from None
     title = f'{axis}: {parameters.home_type} from {trial.start:g}'
     unit = arguments.unit or str(parameters.unit)
     files = []
@@ -205,100 +215,5 @@ def _run_axis(
         )
         files.append(arguments.plot)
     if not arguments.json:
-        _show_run(console(), axis, parameters, trial, unit, files)
+        show_run(console(), axis, parameters, trial, unit, files)
     return [trial]
-
-
-def _as_dict(
-    axis: str, parameters: AxisParameters, where: AxisLayout, trial: Trial, timing: Timing
-) -> dict[str, object]:
-    outcome, transport = trial.course.outcome, transport_of(timing)
-    return {
-        'axis': axis,
-        'home_type': str(parameters.home_type),
-        'start': trial.start,
-        'success': trial.success,
-        'error': trial.error,
-        'message': outcome.message if outcome else '',
-        'time': trial.course.duration,
-        'update_rate': transport.update_rate,
-        'feedback_rate': transport.feedback_rate,
-        'switch_rate': where.switch_rate,
-        'home_position_raw': outcome.home_position_raw if outcome and outcome.success else None,
-        'true_home': trial.true_home,
-        'off': trial.off,
-        'uncertainty': outcome.uncertainty if outcome and outcome.success else None,
-        'wrong_home': trial.wrong_home,
-        'states': [stretch._asdict() for stretch in trial.stretches],
-    }
-
-
-def _show_run(
-    console: Console,
-    axis: str,
-    parameters: AxisParameters,
-    trial: Trial,
-    unit: str,
-    files: Sequence[Path],
-) -> None:
-    outcome = trial.course.outcome
-    assert outcome is not None
-    lines = []
-    if trial.hits is not None:
-        lines.append(f'the axis ran into the hard stop at {trial.hits:g} {unit}')
-    if trial.wrong_home and trial.off is not None:
-        lines.append(
-            f'wrong home: it is {abs(trial.off):.2g} {unit} off the true one, more than its '
-            f'uncertainty of {outcome.uncertainty:.2g} {unit}'
-        )
-    if outcome.success:
-        known = (
-            ''
-            if trial.off is None or trial.true_home is None
-            else f'; true {trial.true_home:.6f} {unit}, off by {abs(trial.off):.2g} {unit}'
-        )
-        lines += [
-            f'home position {outcome.home_position_raw:.6f} {unit} (raw){known}, known to within '
-            f'{outcome.uncertainty:.2g} {unit}',
-            f'reads {parameters.home_position:g} {unit} at '
-            f'{outcome.home_offset + parameters.home_position:.6f} {unit} (raw)',
-        ]
-    else:
-        lines.append(f'{outcome.error}: {outcome.message}')
-    seconds = f'{trial.course.duration:.3f} s'
-    verdict = f'homed in {seconds}' if trial.success else f'failed after {seconds}'
-    head = (
-        f'axis {axis}: {parameters.home_type} {parameters.home_direction} '
-        f'from {trial.start:g} {unit}'
-    )
-    lines.append(f'rehearsed in {trial.took:.3f} s, {trial.speed:.0f} times real time')
-    lines += [f'wrote {path}' for path in files]
-    if not console.is_terminal:
-        print(f'{head}: {verdict}')
-        for one in trial.stretches:
-            print(
-                f'  {one.begin:8.3f} s  {one.end - one.begin:8.3f} s  {one.state:<27}'
-                f' {one.origin:12.6f} -> {one.target:12.6f}'
-            )
-        for line in lines:
-            print(f'  {line}')
-        return
-    console.print(
-        Text(f'{head}: ', style='bold').append(verdict, style='green' if trial.success else 'red')
-    )
-    table = Table(box=None, padding=(0, 2), header_style='dim')
-    table.add_column('home state')
-    for name in ('begins', 'takes', 'from', 'to'):
-        table.add_column(name, justify='right')
-    for one in trial.stretches:
-        table.add_row(
-            Text(one.state, style=f'bold {state_colour(State(one.state))}'),
-            f'{one.begin:.3f} s',
-            f'{one.end - one.begin:.3f} s',
-            f'{one.origin:.6f}',
-            f'{one.target:.6f}',
-        )
-    if trial.stretches:
-        console.print(table)
-    for line in lines:
-        console.print(Text(f'  {line}'))

@@ -12,6 +12,7 @@ from rich.progress import Progress
 from ..parameters.axis import AxisParameters
 from ..plant.layout import AxisLayout
 from ..plant.timing import Timing
+from ..rehearsal.gantry import Followers
 from ..rehearsal.sweep import Trial, starts, sweep, transport_of
 from .common import written
 
@@ -25,6 +26,7 @@ def sweep_axis(
     parameters: AxisParameters,
     where: AxisLayout,
     timing: Timing,
+    followers: Followers,
 ) -> list[Trial]:
     """Run from everywhere along the travel; draw and print the results."""
     from ..figures import sweep_plot
@@ -42,7 +44,8 @@ def sweep_axis(
             if bar and task is not None:
                 bar.advance(task)
 
-        trials = list(sweep(parameters, where, transport_of(timing), positions, axis, done))
+        transport = transport_of(timing)
+        trials = list(sweep(parameters, where, transport, positions, axis, done, followers))
     path = arguments.plot or Path(f'{axis}_starts.png')
     unit = arguments.unit or str(parameters.unit)
     title = f'{axis}: {parameters.home_type} {parameters.home_direction}'

@@ -19,6 +19,8 @@ _STATE_COLOURS: dict[str, str] = {
     State.ZPulseSearchReverse: PURPLE,
     State.MechanicalEndDetection: YELLOW,
     State.HomeShift: GREEN,
+    State.Squaring: YELLOW,
+    State.Proving: PURPLE,
     State.Cancel: GREY,
 }
 

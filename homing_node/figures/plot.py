@@ -22,6 +22,7 @@ from matplotlib.ticker import MaxNLocator
 from ..course import Course, Sample
 from ..plant.layout import AxisLayout
 from ..procedures.states import LATCHES, LIMIT_SWITCHES, Input, State, TextEnum
+from .gantry_plot import draw_followers, draw_skew, sides_of
 from .labels import Label, draw_labels
 from .palette import (
     BLUE,
@@ -44,6 +45,7 @@ class Panel(TextEnum):
     """A part of the picture; all parts share the time axis."""
 
     POSITION = 'position'
+    SKEW = 'skew'  # of a gantry, below its position diagram
     VELOCITY = 'velocity'
     ACCELERATION = 'acceleration'
 
@@ -53,10 +55,10 @@ PROFILE = (Panel.VELOCITY, Panel.ACCELERATION)
 WHOLE = POSITION_DIAGRAM + PROFILE
 
 #: How strongly the states colour a panel: the position diagram has the switches besides.
-TINT = {Panel.POSITION: 0.09, Panel.VELOCITY: 0.17, Panel.ACCELERATION: 0.17}
+TINT = {Panel.POSITION: 0.09, Panel.SKEW: 0.17, Panel.VELOCITY: 0.17, Panel.ACCELERATION: 0.17}
 
 # Lengths on the sheet: in.
-HEIGHTS = {Panel.POSITION: 2.8, Panel.VELOCITY: 1.1, Panel.ACCELERATION: 1.1}
+HEIGHTS = {Panel.POSITION: 2.8, Panel.SKEW: 1.1, Panel.VELOCITY: 1.1, Panel.ACCELERATION: 1.1}
 TITLE, GAP, TIME_AXIS, LEGEND = 0.34, 0.09, 0.40, 0.17
 
 #: A course shorter than this part of its axis is shown closely.
@@ -86,8 +88,15 @@ def figure(
     ``layout`` tells what stands along the axis, as far as it is known (hard stops may be
     infinite); without it only what the course itself recorded is drawn. ``unit`` is that of the
     positions, m or rad; m is shown as mm where the view is shorter than 2 m.
+
+    The position diagram of a gantry has its followers, too, as far as the leader's encoder would
+    show them, and their skew below.
     """
     samples = course.samples
+    sides = sides_of(course, layout)
+    if sides and Panel.POSITION in panels:
+        below = panels.index(Panel.POSITION) + 1
+        panels = (*panels[:below], Panel.SKEW, *panels[below:])
     begin = samples[0].time if samples else 0.0
     end = (samples[-1].time - begin if samples else 0.0) or 1.0
     bands = list(bands_of(samples))
@@ -126,6 +135,7 @@ def figure(
         if panel is Panel.POSITION:
             legend = _draw_position(one, course, layout, begin, view, scale)
             legend += _draw_under(one, under, 'feedback', scale)
+            legend += draw_followers(one, sides, begin, scale.factor)
             sheet.legend(
                 handles=legend,
                 loc='lower left',
@@ -139,6 +149,8 @@ def figure(
                 borderaxespad=0.0,
                 borderpad=0.0,
             )
+        elif panel is Panel.SKEW:
+            draw_skew(one, course, sides, begin, unit)
         else:
             _draw_rate(one, panel, [*samples, *under], scale)
             _draw_under(one, under, panel, scale)

@@ -7,13 +7,14 @@ Both keep every number to its last bit, and nothing in them is code. The columns
 
 A line has either what the axis did in a cycle (all but the last two) or what an input did there
 (time, position, input, value); what is known of the run stands above them, after `#`, as JSON.
-Times in s, positions raw in m or rad.
+Times in s, positions raw in m or rad. The lines of a gantry have two columns more: `side`, the
+follower's full name or nothing for the leader, and `force`, what its spring bears, N.
 """
 
 import csv
 import json
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from io import StringIO
 from os import PathLike
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core.outcome import Outcome
+from ..core.outcome import MemberHome, Outcome
 from ..course import Course, Happening, Sample
 from ..procedures.events import Event
 from ..procedures.states import LATCHES, Error, Input, State
@@ -31,6 +32,7 @@ FORMAT = 'homing course 1'
 #: Of a position: a linear axis, a rotary one.
 UNITS = ('m', 'rad')
 COLUMNS = (*Sample._fields, 'input', 'value')
+OF_GANTRY = ('side', 'force')
 REALS = ('time', 'position', 'velocity', 'acceleration', 'feedback')
 
 
@@ -55,25 +57,31 @@ def save(path: str | PathLike[str], course: Course, title: str = '', unit: str =
     if path.suffix == '.csv':
         path.write_text(_csv(course, title, unit), encoding='utf-8')
     elif path.suffix == '.npz':
-        samples, happenings = course.samples, course.happenings
+        arrays = _arrays(course)
+        for name, other in course.followers.items():
+            arrays |= {f'{name}/{key}': array for key, array in _arrays(other).items()}
+            arrays[f'{name}/force'] = np.array(other.forces, dtype=float)
         with path.open('wb') as file:
-            np.savez_compressed(
-                file,
-                allow_pickle=False,
-                about=np.array(json.dumps(_about(course, title, unit))),
-                state=np.array([sample.state for sample in samples], dtype=np.str_),
-                input=np.array([each.input for each in happenings], dtype=np.str_),
-                happenings=np.array(
-                    [(each.time, float(each.value), each.position) for each in happenings],
-                    dtype=float,
-                ).reshape(-1, 3),
-                **{
-                    name: np.array([getattr(sample, name) for sample in samples], dtype=float)
-                    for name in REALS
-                },
-            )
+            about = np.array(json.dumps(_about(course, title, unit)))
+            np.savez_compressed(file, allow_pickle=False, about=about, **arrays)
     else:
         raise ValueError(f'{path}: a course is saved as .npz or .csv')
+
+
+def _arrays(course: Course) -> dict[str, Any]:
+    """Return what a course of one drive holds."""
+    samples, happenings = course.samples, course.happenings
+    return {
+        'state': np.array([sample.state for sample in samples], dtype=np.str_),
+        'input': np.array([each.input for each in happenings], dtype=np.str_),
+        'happenings': np.array(
+            [(each.time, float(each.value), each.position) for each in happenings], dtype=float
+        ).reshape(-1, 3),
+        **{
+            name: np.array([getattr(sample, name) for sample in samples], dtype=float)
+            for name in REALS
+        },
+    }
 
 
 def load(path: str | PathLike[str]) -> Record:
@@ -95,7 +103,7 @@ def load(path: str | PathLike[str]) -> Record:
 
 def _about(course: Course, title: str, unit: str) -> dict[str, Any]:
     outcome = course.outcome
-    return {
+    about: dict[str, Any] = {
         'format': FORMAT,
         'title': title,
         'unit': unit,
@@ -107,20 +115,43 @@ def _about(course: Course, title: str, unit: str) -> dict[str, Any]:
             for step, event in course.arrows
         ],
     }
+    if course.followers:
+        about['mirrored'] = {name: other.mirrored for name, other in course.followers.items()}
+    return about
 
 
-def _course(about: Mapping[str, Any], samples: list[Sample], found: list[Happening]) -> Record:
+def _courses(about: Mapping[str, Any], leader: Course) -> dict[str, Course]:
+    """Return a course for each side, by its full name; that of the leader by ''."""
+    mirrored = dict(about.get('mirrored', {}))
+    return {'': leader, **{name: Course(mirrored=bool(way)) for name, way in mirrored.items()}}
+
+
+def _record(about: Mapping[str, Any], courses: dict[str, Course]) -> Record:
     if about.get('format') != FORMAT:
         raise ValueError(f'it says {about.get("format")!r}, not {FORMAT!r}')
     unit = about.get('unit', 'm')
     if unit not in UNITS:
         raise ValueError(f'the unit {unit!r} is none of {", ".join(UNITS)}')
-    told = about['outcome']
-    outcome = told and Outcome(
-        **{**told, 'error': Error(told['error']), 'warnings': tuple(told.get('warnings', ()))}
-    )
-    arrows = [(Step(State(state), phase), Event(event)) for state, phase, event in about['arrows']]
-    return Record(Course(samples, found, outcome, arrows), about['title'], unit)
+    course = courses.pop('')
+    course.followers = courses
+    if any(len(other.samples) != len(course.samples) for other in courses.values()):
+        raise ValueError('the sides have not the same number of cycles')
+    course.outcome = _outcome(about['outcome'])
+    course.arrows = [
+        (Step(State(state), phase), Event(event)) for state, phase, event in about['arrows']
+    ]
+    return Record(course, about['title'], unit)
+
+
+def _outcome(told: Mapping[str, Any] | None) -> Outcome | None:
+    if not told:
+        return None
+    values = {
+        'error': Error(told['error']),
+        'warnings': tuple(told.get('warnings', ())),
+        'members': tuple(MemberHome(*member) for member in told.get('members', ())),
+    }
+    return Outcome(**{**told, **values})
 
 
 def _happening(time: float, name: str, value: float, position: float) -> Happening:
@@ -129,18 +160,30 @@ def _happening(time: float, name: str, value: float, position: float) -> Happeni
 
 
 def _from_arrays(file: Mapping[str, Any]) -> Record:
-    states = [str(state) for state in file['state']]
-    columns = [file[name].tolist() for name in REALS]
+    leader = _side(file, '')
+    about = json.loads(str(file['about']))
+    courses = _courses(about, leader)
+    for name in about.get('mirrored', {}):
+        side = _side(file, f'{name}/')
+        courses[name].samples, courses[name].happenings = side.samples, side.happenings
+        courses[name].forces = file[f'{name}/force'].tolist()
+    return _record(about, courses)
+
+
+def _side(file: Mapping[str, Any], before: str) -> Course:
+    """Return the course of one drive; ``before`` stands before the names of its arrays."""
+    states = [str(state) for state in file[f'{before}state']]
+    columns = [file[f'{before}{name}'].tolist() for name in REALS]
     samples = [
         Sample(time, state, *rest) for state, time, *rest in zip(states, *columns, strict=True)
     ]
     found = [
         _happening(time, str(name), value, position)
         for name, (time, value, position) in zip(
-            file['input'], file['happenings'].tolist(), strict=True
+            file[f'{before}input'], file[f'{before}happenings'].tolist(), strict=True
         )
     ]
-    return _course(json.loads(str(file['about'])), samples, found)
+    return Course(samples, found)
 
 
 def _csv(course: Course, title: str, unit: str) -> str:
@@ -148,17 +191,23 @@ def _csv(course: Course, title: str, unit: str) -> str:
     for name, value in _about(course, title, unit).items():
         text.write(f'# {name}: {json.dumps(value)}\n')
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(COLUMNS)
-    rows: list[tuple[float, list[object]]] = [
-        (sample.time, [*sample, '', '']) for sample in course.samples
-    ]
-    rows += [
-        (each.time, [each.time, '', each.position, '', '', '', each.input, float(each.value)])
-        for each in course.happenings
-    ]
+    more = OF_GANTRY if course.followers else ()
+    writer.writerow((*COLUMNS, *more))
+    rows: list[tuple[float, list[object]]] = []
+    for side, one in {'': course, **course.followers}.items():
+        forces: list[object] = [*one.forces, *[''] * (len(one.samples) - len(one.forces))]
+        rows += [
+            (sample.time, [*sample, '', '', side, force])
+            for sample, force in zip(one.samples, forces, strict=True)
+        ]
+        for each in one.happenings:
+            what = each.input, float(each.value)
+            rows.append((each.time, [each.time, '', each.position, '', '', '', *what, side, '']))
     rows.sort(key=lambda row: row[0])
+    width = len(COLUMNS) + len(more)
     writer.writerows(
-        [repr(cell) if isinstance(cell, float) else cell for cell in row] for _, row in rows
+        [repr(cell) if isinstance(cell, float) else cell for cell in row[:width]]
+        for _, row in rows
     )
     return text.getvalue()
 
@@ -170,12 +219,12 @@ def _from_csv(text: str) -> Record:
         name.strip('# '): json.loads(value)
         for name, _, value in (line.partition(': ') for line in head)
     }
-    samples: list[Sample] = []
-    found: list[Happening] = []
-    for number, row in _rows(lines, len(head)):
+    courses = _courses(about, Course())
+    for number, row in _rows(lines, len(head), OF_GANTRY if 'mirrored' in about else ()):
         try:
+            course = courses[row.get('side', '')]
             if row['input']:
-                found.append(
+                course.happenings.append(
                     _happening(
                         float(row['time']),
                         row['input'],
@@ -185,15 +234,20 @@ def _from_csv(text: str) -> Record:
                 )
             else:
                 reals = {name: float(row[name]) for name in REALS}
-                samples.append(Sample(state=row['state'], **reals))
+                course.samples.append(Sample(state=row['state'], **reals))
+                if row.get('force'):
+                    course.forces.append(float(row['force']))
         except (TypeError, ValueError) as error:
             raise ValueError(f'line {number}: {error}') from None
-    return _course(about, samples, found)
+    return _record(about, courses)
 
 
-def _rows(lines: list[str], skip: int) -> Iterator[tuple[int, dict[str, str]]]:
+def _rows(
+    lines: list[str], skip: int, more: Sequence[str]
+) -> Iterator[tuple[int, dict[str, str]]]:
     reader = csv.DictReader(lines[skip:])
-    if tuple(reader.fieldnames or ()) != COLUMNS:
-        raise ValueError(f'the columns are not {", ".join(COLUMNS)}')
+    columns = (*COLUMNS, *more)
+    if tuple(reader.fieldnames or ()) != columns:
+        raise ValueError(f'the columns are not {", ".join(columns)}')
     for row in reader:
         yield skip + reader.line_num, row

@@ -15,7 +15,7 @@ from .layout import AxisLayout
 from .racking import FRICTION, Racking
 from .simulated_axis import SimulatedAxis
 
-#: Of a time: what two sums of the same steps may differ by, s.
+#: What two sums of the same times or lengths may differ by, s or m.
 ROUNDING = 1e-9
 
 
@@ -157,10 +157,12 @@ class Gantry:
         layouts = {axis: layout, **layout.followers}
         at = positions or {}
         self.time = 0.0
-        self.sides = {
-            name: Side(self, number, one, at.get(name))
-            for number, (name, one) in enumerate(layouts.items())
-        }
+        self.sides: dict[str, Side] = {}
+        for number, (name, one) in enumerate(layouts.items()):
+            try:
+                self.sides[name] = Side(self, number, one, at.get(name))
+            except ValueError as error:
+                raise ValueError(f'{name}: {error}') from None
         self._all = tuple(self.sides.values())
         self._square = [one.square_at for one in layout.followers.values()]
         self._stiffness = [one.stiffness for one in layout.followers.values()]

@@ -21,7 +21,8 @@ from ..parameters.axis import AxisParameters
 from ..plant.drivers import LONG_AGO
 from ..plant.layout import AxisLayout
 from ..procedures.states import LATCHES, Error, Input
-from .run import DIRECT, PLANT_STEP, Rehearsal, Transport
+from .link import DIRECT, PLANT_STEP, Transport
+from .run import Rehearsal
 
 #: The topics that are no input of an axis: positions, raw.
 FEEDBACK = 'feedback'
