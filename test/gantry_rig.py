@@ -2,8 +2,8 @@
 """A gantry without ROS: the core against two or more plants, with what goes wrong between them.
 
 Physical positions are those of one machine, in the toward direction: the gantry is square where
-all sides are at the same place. Each side has an encoder with a zero of its own. No spring joins
-the sides: their drives are stiff. Lengths in m, times in s.
+all sides are at the same place. Each side has an encoder with a zero of its own. With a
+stiffness (N/m) springs join the sides. Lengths in m, times in s.
 """
 
 import heapq
@@ -18,6 +18,7 @@ from homing_node.core.gantry_axis import GantryAxis
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import AxisParameters
 from homing_node.parameters.gantry import follower_parameters
+from homing_node.plant.gantry import plants
 from homing_node.plant.layout import AxisLayout, SwitchLayout, mirrored
 from homing_node.plant.simulated_axis import SimulatedAxis
 from homing_node.procedures.states import LATCHES, HomeType, Input
@@ -90,6 +91,7 @@ class Gantry:
         built: Mapping[str, Any] | None = None,
         parameters: AxisParameters | None = None,
         layout: AxisLayout | None = None,
+        stiffness: float = 0.0,
         **changes: object,
     ) -> None:
         base = rig(home_type).built(**(built or {}))
@@ -105,7 +107,16 @@ class Gantry:
         self.parameters = parameters or replace(base, values=values).parameters(direction)
         self.sides, self.direction = sides, direction
         layout = layout or base.layout
-        self.plants = [SimulatedAxis(_layout(layout, side, direction, start)) for side in sides]
+        layouts = [_layout(layout, side, direction, start) for side in sides]
+        self.plants: list[Any] = [SimulatedAxis(one) for one in layouts]
+        if stiffness:
+            joined = {
+                f'y.y{n}': one._replace(
+                    stiffness=stiffness, square_at=side.zero, mirrored=side.mirror
+                )
+                for n, (one, side) in enumerate(zip(layouts[1:], sides[1:], strict=True), 2)
+            }
+            self.plants = list(plants({'y': layouts[0]._replace(followers=joined)}).values())
         self.time, self._steps, self._order = 0.0, 0, count()
         self.samples: list[Sample] = []
         self.motor_of, self.encoder_of = list(range(len(sides))), list(range(len(sides)))

@@ -140,6 +140,20 @@ def test_the_weakest_member_sets_the_dynamics():
     assert max(abs(v) for one in gantry.samples for _, v, _ in one.commands) <= 0.06 + 1e-9
 
 
+@each_way
+@pytest.mark.parametrize('stiffness', [1e4, 3e6])
+def test_racking_force(stiffness, direction):
+    """From loose to stiff: no more force than max_skew has, and next to none in the end."""
+    gantry = Gantry(
+        'HSHS', (SideRig(), SideRig(skew=0.0015, zero=0.1)), direction, stiffness=stiffness
+    )
+    forces = []
+    gantry.on_cycle = lambda: forces.append(max(abs(plant.force) for plant in gantry.plants))
+    homed(gantry)
+    assert max(forces) <= stiffness * 0.002
+    assert forces[-1] <= stiffness * 2.0 * TOLERANCE
+
+
 # ----------------------------------------------------------------- the nasty cases, each by name
 
 

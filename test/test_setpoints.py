@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import pytest
 from core_rig import rig
+from gantry_rig import Gantry, SideRig
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
@@ -548,3 +549,38 @@ def test_the_last_positions_are_where_the_axis_is():
         cell.cycle(x=blocked)
     assert len(cell.published) == count + 1
     assert cell.commands() == [blocked, 0.05]
+
+
+def test_an_array_has_both_sides_of_a_gantry():
+    """Each follower is a joint of the array, in the order of the controller; at rest, too."""
+    gantry = Gantry('HSHS', (SideRig(), SideRig(skew=0.001, zero=0.3)))
+    settings = configuration(
+        {
+            'axes': ['y'],
+            'setpoint_interface': 'position',
+            'position_joints': ['y2_joint', 'y1'],
+            'y.joint': 'y1',
+            'y.home_type': 'HSHS',
+            'y.travel': 0.1,
+            'y.followers': ['y2'],
+            'y.max_skew': 0.002,
+            'y.y2.joint': 'y2_joint',
+        }
+    )
+    timebase = TimeBase(lambda: 0)
+    setpoints = PositionSetpoints(gantry.axis.drives, settings, timebase, lambda *_: None)
+    assert setpoints.others == {}
+    seen = []
+
+    def publish():
+        if gantry.samples and gantry.axis.running:
+            leader, follower = gantry.samples[-1].commands
+            message = setpoints.message({'y': leader, 'y.y2': follower}, 0.0)
+            assert list(message.data) == [follower[0], leader[0]]
+            seen.append(message)
+
+    gantry.on_cycle = publish
+    assert gantry.home().success
+    assert len(seen) > 100
+    assert setpoints.message({}, 0.0) is None
+    assert list(setpoints.hold({'y1': 1.0, 'y2_joint': 2.0}).data) == [2.0, 1.0]
