@@ -3,6 +3,7 @@
 
 import subprocess
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -91,6 +92,14 @@ def test_it_proposes_no_higher_velocity_than_it_may():
     assert values_of(propose('x', slow, LAYOUT, at_most=0.02))['homing_velocity_fast'] == 0.02
     fastest = propose('x', slow, LAYOUT, at_most=1.0)
     assert values_of(fastest)['homing_velocity_fast'] == fastest.room == kept.room
+
+
+@pytest.mark.parametrize('stops', [(-inf, 0.205), (-0.005, inf), (-inf, inf)])
+def test_without_hard_stops_no_higher_velocity_is_proposed(stops):
+    slow = axis_parameters({**VALUES, 'homing_velocity_fast': 0.01, 'travel': 0.21})
+    found = propose('x', slow, LAYOUT._replace(hard_stops=stops), at_most=0.03)
+    assert found.room == 0.0 and 'homing_velocity_fast' not in values_of(found)
+    assert values_of(found)['invert_hs_polarity'] is True
 
 
 def test_the_slow_velocity_stays_below_the_fast_one():
@@ -276,6 +285,12 @@ def test_an_error_that_no_value_puts_right(homing):
     Path('machine.yaml').write_text(MACHINE.replace('[0.150, 0.160]', '[0.197, 0.2]'))
     status, out, _ = homing('propose')
     assert status == 1 and out.startswith('# error: axis x: the edge of home_switch lies beyond')
+
+
+def test_hard_stops_that_are_not_known_are_told(homing):
+    Path('machine.yaml').write_text(MACHINE.replace('[-0.005, 0.205]', '[null, null]'))
+    status, out, _ = homing('propose')
+    assert status == 0 and out.startswith('# axis x: the layout does not tell where both hard')
 
 
 @pytest.mark.parametrize(

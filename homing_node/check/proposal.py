@@ -8,7 +8,7 @@ that is too small on purpose, and what its check calls right is proposed. Units:
 
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Any, NamedTuple
 
 from ..parameters.axis import DEFINITIONS, AxisParameters
@@ -76,7 +76,8 @@ class Proposal:
         changes: The changes, in the order of the reference of the parameters.
         findings: What the checks still find: errors and warnings that no value puts right.
         room: The largest fast velocity that no check objects to, m/s or rad/s: what the room
-            behind the switches allows, whatever the drive can do.
+            behind the switches allows, whatever the drive can do. 0: it is not known where a hard
+            stop is; then no higher velocity is proposed.
     """
 
     parameters: AxisParameters
@@ -117,8 +118,12 @@ class _Search:
     def proposal(self, at_most: float | None) -> Proposal:
         """Return the proposal; ``at_most`` bounds the fast velocity."""
         self._correct(VELOCITIES | FOLLOWS_VELOCITY)
-        at_most = at_most or self._now.homing_velocity_fast
-        room = self._fastest(BEYOND * at_most)
+        now, room = self._now.homing_velocity_fast, 0.0
+        at_most = at_most or now
+        if all(isfinite(stop) for stop in self._layout.hard_stops):
+            room = self._fastest(BEYOND * at_most)
+        else:
+            at_most = min(at_most, now)
         self._set_velocity(at_most)
         self._correct()
         for name in BOUNDS:

@@ -147,6 +147,11 @@ def _remarks(axis: str, proposal: Proposal) -> Iterator[str]:
     for one in proposal.findings:
         remedy = f' [{one.remedy}]' if one.remedy else ''
         yield f'{one.severity}: axis {axis}: {one.what}; {one.why}{remedy}'
+    if not proposal.room:
+        yield (
+            f'axis {axis}: the layout does not tell where both hard stops are, so how much '
+            'room there is is not known: no higher velocity is proposed'
+        )
     if proposal.room > 1.05 * parameters.homing_velocity_fast:
         yield (
             f'axis {axis}: behind every switch there is room for {proposal.room:g} '
