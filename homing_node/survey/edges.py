@@ -3,7 +3,9 @@
 
 An edge that is met at velocity v is seen at ``place + v * delay``, give or take its uncertainty;
 v has a sign, and the delay is the same for all edges of a switch. Every pair (place, delay) that
-fits all passes is possible. The intervals here are all possible values. Units: m or rad, s.
+fits all passes is possible. An edge that is met while the velocity changes is seen somewhere
+between its place and that; it counts where no better one is. The intervals here are all possible
+values. Units: m or rad, s.
 """
 
 from collections.abc import Mapping, Sequence
@@ -73,11 +75,14 @@ def kinds_of(edges: Sequence[SeenEdge]) -> dict[Kind, list[SeenEdge]]:
     return found
 
 
-def fit(edges: Sequence[SeenEdge], least_delay: float = 0.0) -> Fit:
+def fit(
+    edges: Sequence[SeenEdge], ramps: Sequence[SeenEdge] = (), least_delay: float = 0.0
+) -> Fit:
     """Return what fits all edges of one switch.
 
     Args:
         edges: The edges; those of one kind are met at one place.
+        ramps: Edges that were met while the velocity changed; theirs is the largest of the pass.
         least_delay: The smallest delay, s; < 0 where the node takes off one that may be too long.
     """
     kinds = kinds_of(edges)
@@ -95,6 +100,10 @@ def fit(edges: Sequence[SeenEdge], least_delay: float = 0.0) -> Fit:
         kind: _place(seen, delay.low, high).hull(_place(seen, delay.high, high))
         for kind, seen in kinds.items()
     }
+    for kind, seen in kinds_of(ramps).items():
+        if kind not in places:
+            ends = [_place(seen, late, high) for late in (delay.low, 0.0, delay.high)]
+            places[kind] = Range(min(one.low for one in ends), max(one.high for one in ends))
     return Fit(places, delay, high)
 
 

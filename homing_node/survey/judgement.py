@@ -17,6 +17,8 @@ from .passes import Pass, SeenEdge, lag_of
 LOWER = (Kind(True, 1), Kind(False, -1))
 UPPER = (Kind(True, -1), Kind(False, 1))
 
+#: An edge is met while the velocity changes if it is slower than its pass by this part of it.
+UNSTEADY = 0.02
 #: Edges of one switch belong to several flags if they scatter by more than so many times what they
 #: may be off, and than this part of the way.
 MANY, SCATTER = 20.0, 0.002
@@ -47,6 +49,7 @@ class Survey:
         exact: How far a number may be off, by the key of the layout file; of a pair by
             ``key[0]`` and ``key[1]``.
         doubts: What only a person can settle.
+        advice: Parameters that should have another value, and that value.
         seen: What was measured besides, in words.
         unseen: What could not be seen, in words.
     """
@@ -54,6 +57,7 @@ class Survey:
     layout: AxisLayout
     exact: dict[str, float] = field(default_factory=dict)
     doubts: list[Doubt] = field(default_factory=list)
+    advice: dict[str, float] = field(default_factory=dict)
     seen: list[str] = field(default_factory=list)
     unseen: list[str] = field(default_factory=list)
 
@@ -92,12 +96,27 @@ class _Judgement:
         ends = [place for one in passes for place in (one.begin, one.end)]
         self._low, self._high = min(ends), max(ends)
         self._edges: dict[Input, list[SeenEdge]] = {}
+        self._ramps: dict[Input, list[SeenEdge]] = {}  # met while the velocity changed
         for one in passes:
             for edge in one.edges:
-                self._edges.setdefault(edge.input, []).append(edge)
+                self._take(edge, abs(one.velocity))
         self._switches: dict[str, SwitchLayout] = {}
         start = passes[0].begin
+        self._late: list[Range] = []  # how late the drivers are
         self._found = Survey(AxisLayout(hard_stops, self._switches, start=start))
+
+    def _take(self, edge: SeenEdge, velocity: float) -> None:
+        """Take an edge of a pass that was to go at a velocity."""
+        slower = velocity - abs(edge.velocity)
+        if edge.input in LATCHES:
+            self._edges.setdefault(edge.input, []).append(edge)
+        elif slower < UNSTEADY * velocity:  # how far the axis went in a delay is not quite known
+            doubt = edge.uncertainty + max(0.0, slower) * LONGEST_DELAY
+            edge = edge._replace(uncertainty=doubt)
+            self._edges.setdefault(edge.input, []).append(edge)
+        else:
+            edge = edge._replace(velocity=edge.way * velocity)
+            self._ramps.setdefault(edge.input, []).append(edge)
 
     def survey(self) -> Survey:
         """Return what the passes tell."""
@@ -106,10 +125,12 @@ class _Judgement:
         for name in self._p.inputs:
             if name in LATCHES or name is Input.SERVO_ENABLED:
                 continue
-            if name in self._edges:
-                self._switch(name, self._edges[name])
+            edges, ramps = self._edges.get(name, []), self._ramps.get(name, [])
+            if edges or ramps:
+                self._switch(name, edges, ramps)
             else:
                 self._silent(name)
+        self._advise_latency()
         self._index()
         self._probe()
         self._motion()
@@ -131,14 +152,15 @@ class _Judgement:
 
     # ----------------------------------------------------------------------------------- switches
 
-    def _switch(self, name: Input, edges: Sequence[SeenEdge]) -> None:
+    def _switch(self, name: Input, edges: Sequence[SeenEdge], ramps: Sequence[SeenEdge]) -> None:
         """Judge a switch that has changed."""
         found, unit = self._found, self._p.unit
-        wrong = self._reads_wrongly(name, edges)
+        wrong = self._reads_wrongly(name, [*edges, *ramps])
         if wrong:
             edges = [edge._replace(level=not edge.level) for edge in edges]
-        kinds = fit(edges, -self._p.switch_latency)
-        doubt = max(edge.uncertainty for edge in edges)
+            ramps = [edge._replace(level=not edge.level) for edge in ramps]
+        kinds = fit(edges, ramps, -self._p.switch_latency)
+        doubt = max(edge.uncertainty for edge in [*edges, *ramps])
         scatter = kinds.spread * doubt
         if scatter > max(MANY * doubt, SCATTER * (self._high - self._low)):
             text = (
@@ -192,21 +214,30 @@ class _Judgement:
 
     def _delay(self, name: Input, delay: Range) -> None:
         """Tell how late the driver of a switch is."""
-        now = self._p.switch_latency
-        if delay.low > 0.0 or delay.high < 0.0:
-            self._found.seen.append(
-                f'the driver of {name} publishes {1e3 * (now + delay.low):.3g} to '
-                f'{1e3 * (now + delay.high):.3g} ms late: set switch_latency: '
-                f'{now + delay.middle:.2g} (it is {now:g} s)'
-            )
-        elif delay.high < LONGEST_DELAY:
-            self._found.seen.append(
-                f'the driver of {name} publishes at most {1e3 * delay.high:.2g} ms later than its '
-                'edges say'
-            )
-        else:
+        if delay.high >= LONGEST_DELAY:
             text = f'how late the driver of {name} is: it was met at one velocity only'
             self._found.unseen.append(text)
+            return
+        self._late.append(delay)
+        least, most = (1e3 * (self._p.switch_latency + end) for end in delay)
+        self._found.seen.append(
+            f'the driver of {name} publishes {least:.3g} to {most:.3g} ms after the edge'
+        )
+
+    def _advise_latency(self) -> None:
+        """Advise how much delay the node should take off: the same for all switches."""
+        common: Range | None = Range(-inf, inf)
+        for delay in self._late:
+            common = common and common.common(delay)
+        if not self._late or common is None or common.low <= 0.0 <= common.high:
+            return
+        now, error = self._p.switch_latency, self._p.switch_stamp_error
+        right, doubt = round(now + common.middle, 4), round(error + common.half, 4)
+        self._found.advice |= {'switch_latency': right, 'switch_stamp_error': doubt}
+        self._found.seen.append(
+            f'set switch_latency: {right:g} (it is {now:g} s), and switch_stamp_error: {doubt:g} '
+            f'(it is {error:g} s), for the delay is not known better'
+        )
 
     def _reads_wrongly(self, name: Input, edges: Sequence[SeenEdge]) -> bool:
         """Doubt the polarity or the end of a switch; return whether its polarity is wrong."""
