@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from homing_node.core.outcome import MemberHome, Outcome
 from homing_node.course import Course, Happening, Sample
 from homing_node.figures import record
-from homing_node.procedures.states import Error, HomeType, Input, State
+from homing_node.procedures.states import HomeType, Input, State
 from homing_node.rehearsal.examples import BEYOND, EXAMPLES
 
 SUFFIXES = ('.npz', '.csv')
