@@ -77,7 +77,9 @@ ROS = {
     'sensor_msgs',
     'std_msgs',
     'std_srvs',
+    'geometry_msgs',
     'trajectory_msgs',
+    'visualization_msgs',
     'unique_identifier_msgs',
 }
 #: Packages of ROS that need not be installed; who imports them does without.

@@ -8,6 +8,7 @@ import ros_harness as ros
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
 
 from homing_node import cli
 from homing_node.parameters import yaml_file
@@ -60,6 +61,15 @@ def test_a_run_is_recorded(world):
     assert reader.get_summary().statistics.message_count == sum(
         1 for _ in reader.iter_decoded_messages()
     )
+
+
+def test_markers_show_home_to_who_comes_late(world):
+    markers = world.client.record(MarkerArray, 'markers', ros.LATCHED)
+    world.client.until(lambda: markers, what='the markers')
+    texts = [one.text for one in markers[-1].message.markers]
+    assert any(text.startswith('x: home 0.05') for text in texts), texts
+    assert {one.header.frame_id for one in markers[-1].message.markers if one.ns} == {'x'}
+    world.client.forget(markers)
 
 
 def test_the_node_tells_what_it_is_ready_for_and_what_was_asked(world):

@@ -167,7 +167,12 @@ class ConfiguredNode(DeclaringNode, ABC):
             for name, value in self._values(axis).items()
             if value != messages.plain(AXIS_DEFINITIONS[name].initial)
         }
-        return {'axes': [axis], **own, **of_axis}
+        of_followers = {
+            name: value
+            for name, value in self._of_followers.items()
+            if name.startswith(f'{axis}.')
+        }
+        return {'axes': [axis], **own, **of_axis, **of_followers}
 
     # --------------------------------------------------------------------- the subclass has these
 

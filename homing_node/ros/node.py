@@ -21,6 +21,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
 
 from ..core.dispatch import Dispatch
 from ..core.outcome import Outcome
@@ -39,6 +40,7 @@ from .input_status import InputStatus
 from .inputs import Inputs
 from .joint_order import JointOrder
 from .locks import Permissions
+from .markers import Markers
 from .memory import Memories
 from .outputs import Outputs
 from .readiness import Readiness
@@ -213,6 +215,13 @@ class HomingNode(ConfiguredNode):
             joint_states=self.create_publisher(JointState, '~/joint_states', 10),
             diagnostics=self.create_publisher(DiagnosticArray, '/diagnostics', 1),
         )
+        self._markers = Markers(
+            self.create_publisher(MarkerArray, '~/markers', latched(1)),
+            self._axes,
+            self._joints,
+            self.configuration.marker_frame,
+            self._waits.call,
+        )
         self._reports = Reports(
             self._axes,
             self._joints,
@@ -222,8 +231,13 @@ class HomingNode(ConfiguredNode):
             self.get_fully_qualified_name(),
             self.get_logger(),
             InputStatus(lambda: self._shared_signals.wiring, self._timebase).of,
-            self._recorder.state,
+            self._note_state,
         )
+
+    def _note_state(self, axis: GuardedAxis, stamp: int, message: AxisState) -> None:
+        """Record and show a state that is published; the lock is held."""
+        self._recorder.state(axis, stamp, message)
+        self._markers.state(axis, stamp)
 
     def _create_services(self, group: CallbackGroup) -> None:
         services = self.servers = Services(
@@ -315,6 +329,10 @@ class HomingNode(ConfiguredNode):
             self._cycle.timeout = float(value)
         elif name == 'ready_timeout':
             self._dispatch.ready_timeout = float(value)
+        elif name == 'marker_frame':
+            self._markers.frame = str(value)
+            with self._lock:
+                self._markers.show(self._ros_time())
         elif self._recorder.folder is not None and name == 'record_runs':
             self._recorder.folder.runs = int(value)
         elif self._recorder.folder is not None and name == 'record_failures':
