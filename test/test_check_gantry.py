@@ -1,16 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `homing check` finds about the sides of a gantry."""
 
+import json
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 import pytest
 
 from homing_node.check import Severity, check
 from homing_node.check.finding import Finding
+from homing_node.check.gantry import Gantry
+from homing_node.check.side_faults import finding_of, rehearsed
+from homing_node.cli import main
+from homing_node.core.outcome import Outcome
+from homing_node.course import Course
 from homing_node.parameters.configuration import Configuration, configuration
 from homing_node.plant.layout import AxisLayout
 from homing_node.plant.layout_reader import layouts_from
+from homing_node.plant.timing import Timing
+from homing_node.procedures.states import Error, Input
+from homing_node.rehearsal.gantry import GantryRehearsal
+from homing_node.rehearsal.link import Transport
+from homing_node.rehearsal.side_faults import FaultTrial, SideFault
 
 ERROR, WARNING, INFO = Severity.error, Severity.warning, Severity.info
 HS, AHEAD, BEHIND = 'home_switch', 'positive_limit_switch', 'negative_limit_switch'
@@ -220,3 +232,148 @@ def test_a_type_that_homes_on_the_index_is_square_by_the_index():
     moved = found(Z, layout=INDEX, side={'index_offset': 0.0153})
     [one] = [each for each in moved if each.check == 'switch-offset']
     assert one.right == pytest.approx(0.0003)
+
+
+# -- rehearsed faults -----------------------------------------------------------------------------
+
+
+def faults(leader=None, follower=None, layout=None, side=None):
+    """Return what the rehearsed faults of a gantry end with, by (side, check)."""
+    checked, layouts = built(leader, follower, layout, side)
+    findings = rehearsed(checked, layouts, Timing())
+    return {(one.axis, one.check): (one.severity, one.what) for one in findings}
+
+
+@pytest.mark.parametrize(
+    'home_type, direction',
+    [('HSHS', 'Positive'), ('HSOff', 'Negative'), ('LS', 'Positive'), ('LS', 'Negative')],
+)
+def test_a_fault_of_a_switch_of_one_side_never_homes_the_gantry(home_type, direction):
+    values = {'home_type': home_type, 'home_direction': direction}
+    start = {'start': STARTS[direction, home_type == 'LS']}
+    found = faults(values, layout=start)
+    assert set(found) == {
+        (side, f'side-{fault}')
+        for side in ('y', 'y.y2')
+        for fault in ('dead', 'stuck', 'swapped')
+        if (side, fault) != ('y', 'swapped')
+    }
+    for (side, word), (severity, what) in found.items():
+        assert severity is INFO, what
+        assert ' homes ' not in what
+        if word != 'side-swapped':
+            assert f'ends with {EXPECTED[home_type, word]}' in what
+            assert f'of {side} ' in what
+            assert 'leaves the gantry 0 m out of square; a spring bore at most 0 N' in what
+
+
+#: Before the switch that the type homes on, by the direction and by whether that is a limit.
+STARTS = {
+    ('Positive', False): 0.14,
+    ('Negative', False): 0.165,
+    ('Positive', True): 0.17,
+    ('Negative', True): 0.03,
+}
+EXPECTED = {
+    ('HSHS', 'side-dead'): 'FollowerSwitchMissing',
+    ('HSHS', 'side-stuck'): 'FollowerSwitchMissing',
+    ('HSOff', 'side-dead'): 'FollowerSwitchMissing',
+    ('HSOff', 'side-stuck'): 'FollowerSwitchMissing',
+    ('LS', 'side-dead'): 'FollowerSwitchMissing',
+    ('LS', 'side-stuck'): 'FollowerSwitchMissing',
+}
+
+
+def test_swapped_cables_rack_a_gantry_by_no_more_than_max_skew():
+    [what] = [
+        what
+        for (_, word), (_, what) in faults(layout={'start': 0.14}).items()
+        if word == 'side-swapped'
+    ]
+    assert 'leaves the gantry 0.002 m out of square' in what
+    assert '200 N' in what  # 1e5 N/m
+
+
+def test_a_run_that_fails_without_a_fault_is_told_instead():
+    found = faults(side={HS: [0.155, 0.165]})
+    assert list(found) == [('y', 'gantry-run')]
+    assert found['y', 'gantry-run'][0] is WARNING
+    assert 'FollowerSwitchMissing' in found['y', 'gantry-run'][1]
+
+
+@pytest.mark.parametrize(
+    'layout, side',
+    [({HS: None}, {HS: None}), ({}, {AHEAD: None}), ({'followers': []}, {})],
+)
+def test_a_layout_that_lacks_something_is_not_rehearsed(layout, side):
+    checked, _ = built()
+    places = {name: value for name, value in {**LAYOUT, **layout}.items() if value is not None}
+    if places['followers']:
+        places |= {f'y2.{name}': value for name, value in {**SIDE, **side}.items()}
+    assert rehearsed(checked, layouts_from({'y': places}), Timing()) == []
+
+
+@pytest.mark.parametrize('left, severity', [(0.0003, ERROR), (0.00005, INFO)])
+def test_a_gantry_that_is_wrongly_taken_for_square_is_an_error(left, severity):
+    homed = Outcome(Error.NoError)
+    trial = FaultTrial('y.y2', Input.HOME_SWITCH, SideFault.dead, Course(outcome=homed), 3.0, left)
+    assert finding_of('y', trial, 0.0001).severity is severity
+    assert finding_of('y', trial, inf).severity is INFO
+    failed = trial._replace(course=Course(outcome=homed._replace(error=Error.NotSquare)))
+    assert finding_of('y', failed, 0.0001).severity is INFO
+
+
+def test_the_command_prints_what_is_rehearsed(tmp_path, capsys):
+    config, layout = tmp_path / 'axes.yaml', tmp_path / 'layout.yaml'
+    parameters = {'axes': ['y'], 'y': LEADER}
+    config.write_text(json.dumps({'homing_node': {'ros__parameters': parameters}}))
+    layout.write_text(json.dumps({'y': {**LAYOUT, 'start': 0.14}, 'y.y2': SIDE}))
+    assert main(['check', str(config), '--layout', str(layout), '--axis', 'y']) == 0
+    printed = capsys.readouterr().out
+    for word in ('racking', 'side-dead', 'side-stuck', 'side-swapped'):
+        assert f'info: axis y.y2: {word}: ' in printed
+
+
+# -- how far the sides rack -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('jammed', ['y', 'y.y2'])
+@pytest.mark.parametrize(
+    'velocity, jerk, ls_dec, delay, stiffness',
+    [(0.02, 500.0, 8.0, 0.03, 0.0), (0.05, 40.0, 2.0, 0.01, 1e4), (0.2, 500.0, 8.0, 0.0, 1e5)],
+)
+def test_a_gantry_with_a_side_that_stands_racks_as_far_as_the_check_says(
+    velocity, jerk, ls_dec, delay, stiffness, jammed
+):
+    values = {
+        'homing_velocity_fast': velocity,
+        'homing_velocity_fast_acc': 4.0,
+        'max_jerk': jerk,
+        'ls_dec': ls_dec,
+    }
+    checked, layouts = built(values, layout={'lag': 0.0}, side={'stiffness': stiffness})
+    leader, followers, layout = checked.axes['y'], checked.followers['y'], layouts['y']
+    made = GantryRehearsal('y', leader, followers, layout, Transport(250.0, 500.0, delay))
+    link = made if jammed == 'y' else made.links[jammed]
+    link.plant = Jammed(link.plant, at=0.12 if jammed == 'y' else 0.13)
+    course = made.home()
+    assert course.outcome.error is Error.SkewTooLarge
+    timing = Timing(feedback_rate=500.0, latency=delay)
+    gantry = Gantry('y', leader, followers, layout, timing)
+    most = gantry.most_skew(velocity, layout.followers['y.y2'])
+    assert 0.85 * most < course.largest_skew < most + 1e-9
+    assert course.largest_force <= stiffness * (most + 1e-9)
+
+
+class Jammed:
+    """A side of a gantry that obeys no more from a position on."""
+
+    def __init__(self, side, at):
+        self._side, self._at = side, at
+
+    def __getattr__(self, name):
+        return getattr(self._side, name)
+
+    def follow(self, position, over):
+        if self._side.position < self._at:
+            self._side.follow(position, over)

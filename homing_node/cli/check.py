@@ -3,10 +3,15 @@
 
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from ..check import Finding, Severity, check, errors
+from ..check.finding import worst_first
+from ..parameters.configuration import Configuration
 from ..parameters.definition import InvalidParameters
+from ..plant.layout import AxisLayout
+from ..plant.timing import Timing
 from .common import (
     FAILED,
     OK,
@@ -29,7 +34,7 @@ With a layout (where the switches, hard stops and index pulses are; what you do 
 leave out) it computes how far the axis goes on behind every switch: until the message has come,
 until the deceleration has grown, until the axis rests; and compares that with the room before
 the next switch and the hard stop, at both ends, at the speed at which this home type comes there.
-Of a gantry it compares the sides with each other, too.
+Of a gantry it compares the sides, and rehearses it with a dead, a stuck and a swapped switch.
 """
 
 EXAMPLES = """\
@@ -86,8 +91,11 @@ def run(arguments: argparse.Namespace) -> int:
         axes = only(arguments.axis, configuration.axes)
         layouts = None if layout is None else layout.layouts
         timing = timing_of(arguments, layout)
-        found = check(configuration, layouts, timing)
-        found = [one for one in found if one.axis.partition('.')[0] in axes]
+        found = [
+            *check(configuration, layouts, timing),
+            *_rehearsed(configuration, layouts, timing),
+        ]
+        found = worst_first(one for one in found if one.axis.partition('.')[0] in axes)
     failed = bool(errors(found))
     if arguments.json:
         print(
@@ -96,6 +104,17 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         show_findings(console(), found, str(arguments.config))
     return FAILED if failed else OK
+
+
+def _rehearsed(
+    configuration: Configuration, layouts: Mapping[str, AxisLayout] | None, timing: Timing
+) -> list[Finding]:
+    """Rehearse gantries with faults; without one and its layout there is nothing to rehearse."""
+    if not configuration.followers or layouts is None:
+        return []
+    from ..check.side_faults import rehearsed
+
+    return rehearsed(configuration, layouts, timing)
 
 
 def _fault(text: str) -> Finding:

@@ -67,6 +67,7 @@ class Link:
 
     Attributes:
         axis: the axis, or the follower of a gantry, that gets the messages.
+        switched: the one that gets those of the switches; another one if cables are swapped.
         plant: what simulates it.
         course: the record of the run.
     """
@@ -74,6 +75,7 @@ class Link:
     def __init__(self, axis: Any, plant: Plant, transport: Transport, seed: object) -> None:
         """Tell the drive where everything stands; ``seed`` is of everything random."""
         self.axis, self.plant, self.transport = axis, plant, transport
+        self.switched = axis
         self.course = Course()
         self._random = random.Random(seed)  # type: ignore[arg-type]
         self._per_feedback = divide(transport.feedback_rate, 'feedback_rate')
@@ -149,7 +151,7 @@ class Link:
         self._send(
             source,
             stamp + t.switch_delay,
-            lambda arrival: self.axis.switch(source, stamp, level, arrival),
+            lambda arrival: self.switched.switch(source, stamp, level, arrival),
         )
 
     def _send_feedback(self, time: float, position: float) -> None:
