@@ -299,7 +299,7 @@ class DisturbedRehearsal(Rehearsal):
         for name, level in self.plant.levels().items():
             self._post(Message(name, LONG_AGO, LONG_AGO, level))
         self._send_feedback(0.0, self.plant.position)
-        self._deliver()
+        self.deliver(self.time)
 
     def _report(self, happening: Happening) -> None:
         t = self.transport
@@ -313,7 +313,7 @@ class DisturbedRehearsal(Rehearsal):
 
     def _command(self, position: float) -> None:
         self._post(Message(SETPOINT, self.time, self.time, position))
-        self._deliver()
+        self.deliver(self.time)
 
     def _post(self, message: Message) -> None:
         messages = [message]

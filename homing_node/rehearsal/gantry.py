@@ -104,10 +104,11 @@ class GantryRehearsal(Rehearsal):
         self.gantry.sides[name].servo(on)
         self.drives[name].enable(on)
 
-    def step(self) -> None:
-        super().step()
-        for link in self.links.values():
-            link.step()
+    def step(self, count: int = 1) -> None:
+        for _ in range(count):
+            super().step()
+            for link in self.links.values():
+                link.step()
 
     def deliver(self, now: float) -> None:
         super().deliver(now)

@@ -92,17 +92,19 @@ class Link:
         }
         self._introduce()
 
-    def step(self) -> None:
-        """Let the plant run for a step; what it tells is on its way."""
-        self._steps += 1
-        happenings = self.plant.step(PLANT_STEP)
-        for happening in happenings:
-            self.course.happenings.append(happening)
-            self._report(happening)
-        if self._periodic:
-            self._publish_switches(self._steps * PLANT_STEP, happenings)
-        if self._steps % self._per_feedback == 0:
-            self._send_feedback(self._steps * PLANT_STEP, self.plant.position)
+    def step(self, count: int = 1) -> None:
+        """Let the plant run for some steps; what it tells is on its way."""
+        periodic = self._periodic
+        for _ in range(count):
+            self._steps += 1
+            happenings = self.plant.step(PLANT_STEP)
+            for happening in happenings:
+                self.course.happenings.append(happening)
+                self._report(happening)
+            if periodic:
+                self._publish_switches(self._steps * PLANT_STEP, happenings)
+            if self._steps % self._per_feedback == 0:
+                self._send_feedback(self._steps * PLANT_STEP, self.plant.position)
 
     def deliver(self, now: float) -> None:
         """Give the drive the messages that have come by now."""

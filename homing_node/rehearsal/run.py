@@ -49,7 +49,7 @@ class Rehearsal(Link):
     def cycle(self) -> Setpoint | None:
         """Let the plant run for one period, deliver what is due, update the axis."""
         self._pass_time(self._per_cycle)
-        self._deliver()
+        self.deliver(self.time)
         setpoint = self.axis.update(self.time)
         if setpoint is not None:
             self._command(setpoint[0])
@@ -94,12 +94,8 @@ class Rehearsal(Link):
 
     def _pass_time(self, steps: int) -> None:
         """Let the plant run; what it tells is on its way."""
-        for _ in range(steps):
-            self.step()
+        self.step(steps)
         self.time = self._steps * PLANT_STEP
-
-    def _deliver(self) -> None:
-        self.deliver(self.time)
 
     def _command(self, position: float) -> None:
         self.plant.follow(position, over=self.period)
