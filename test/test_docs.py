@@ -139,6 +139,7 @@ def test_homing_commands(tmp_path, monkeypatch, capsys):
     ]
     assert {words[1] for words in found} >= {'check', 'run', 'diagram'}
     monkeypatch.chdir(tmp_path)
+    Path('config').symlink_to(ROOT / 'config')
     Path('axes.yaml').write_text(axes_yaml())
     foreign = Path(__file__).with_name('foreign') / 'servo_router.ini'
     Path('machine.ini').write_text(foreign.read_text())
