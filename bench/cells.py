@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import rclpy
 from figures import Figure, nth
-from graph import EXECUTABLE, free_domain
+from graph import EXECUTABLE, HERE, free_domain
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionClient
@@ -32,7 +32,7 @@ from trajectory_msgs.msg import JointTrajectory
 AXES, STEPS = 32, 8
 RATE, FEEDBACK = 20.0, 20.0  # Hz, of a node's cycle and of its feedback
 REST = 10.0  # s, that the line is measured at rest
-PATIENCE = 180.0  # s
+PATIENCE = 60.0  # s
 LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NAMES = [f'a{i}' for i in range(AXES)]
 #: An axis that moves without a switch: home is where it is, then it goes 5 mm further.
@@ -42,6 +42,12 @@ AXIS = {
     'homing_velocity_fast': 0.01,
     'home_shift_distance': 0.005,
     'feedback_timeout': 10.0,
+    'switches': '[]',
+}
+#: This machine alone, over UDP (doc/decisions/0009-transport.md).
+UDP = {
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
+    'FASTRTPS_DEFAULT_PROFILES_FILE': str(HERE.parent / 'config' / 'localhost_udp.xml'),
 }
 PAGE = os.sysconf('SC_PAGE_SIZE')
 
@@ -67,6 +73,7 @@ class Line:
         self.folder = Path(tempfile.mkdtemp(prefix='homing_bench_'))
         self.domain, self._lock = free_domain()
         self.cells = [f'cell{i}' for i in range(1, cells + 1)]
+        os.environ.update(UDP)
         self.context = Context()
         rclpy.init(context=self.context, domain_id=self.domain)
         self.node = rclpy.create_node(
@@ -128,7 +135,6 @@ class Line:
         environment = {
             **os.environ,
             'ROS_DOMAIN_ID': str(self.domain),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
             'ROS_LOG_DIR': str(self.folder / 'log'),
         }
         environment.pop('ROS_PYTHON_CHECK_FIELDS', None)
@@ -191,6 +197,13 @@ class Line:
                 raise TimeoutError(what)
         return found
 
+    def until_ready(self) -> None:
+        """Wait until a dry run finds nothing missing."""
+        end = time.monotonic() + PATIENCE
+        while missing := self.home(dry_run=True).missing:
+            if time.monotonic() > end:
+                raise TimeoutError('; '.join(missing[:3]))
+
     def wait(self, seconds: float) -> None:
         """Listen for a while."""
         end = time.monotonic() + seconds
@@ -234,7 +247,7 @@ def case(cells: int, rest: float) -> Iterator[Figure]:
     try:
         begun = time.monotonic()
         line.until(line.action.server_is_ready, 'the coordinator')
-        line.until(lambda: not line.home(dry_run=True).missing, 'all cells')
+        line.until_ready()
         started = time.monotonic() - begun
         line.wait(3.0)
         at_rest = measured(line, lambda: line.wait(rest))

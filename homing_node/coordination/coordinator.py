@@ -172,7 +172,7 @@ class Coordinator:
         for preview in self._previews:
             preview.checked(number, answer)
         request, turn = self._turns.get(number, (None, None))
-        if request and turn and turn.check == number and cell in turn.awaited:
+        if request and turn and number in turn.checks and cell in turn.awaited:
             turn.awaited.discard(cell)
             turn.answers[cell] = answer
             if not turn.awaited and turn.phase is Phase.Checking:
@@ -316,15 +316,20 @@ class Coordinator:
 
     def _check(self, request: Request, turn: Turn, now: float) -> None:
         """Ask the cells of an axis, and of what it requires, for what is homed now."""
-        turn.check = self._next_number(request, turn)
-        turn.again = now + UNANSWERED
+        turn.checks.clear()
         turn.answers.clear()
-        by_cell: dict[str, list[str]] = {turn.cell: [turn.axis]}
-        for axis in self.line.requires.get(turn.axis, ()):
-            by_cell.setdefault(cell_of(axis), []).append(axis)
-        turn.awaited = set(by_cell)
-        for cell, axes in by_cell.items():
-            self._asks.append(Ask(Asks.Check, turn.check, cell, tuple(axes)))
+        turn.awaited = {turn.cell, *map(cell_of, self.line.requires.get(turn.axis, ()))}
+        self._repeat(request, turn, now)
+
+    def _repeat(self, request: Request, turn: Turn, now: float) -> None:
+        """Ask the cells of a check that have not answered."""
+        number = self._next_number(request, turn)
+        turn.checks.add(number)
+        turn.again = now + UNANSWERED
+        axes = [turn.axis, *self.line.requires.get(turn.axis, ())]
+        for cell in sorted(turn.awaited):
+            of_cell = tuple(axis for axis in axes if cell_of(axis) == cell)
+            self._asks.append(Ask(Asks.Check, number, cell, of_cell))
 
     def _judge(self, request: Request, turn: Turn, now: float) -> None:
         """Decide from the answers to a check whether an axis may home."""
@@ -349,6 +354,8 @@ class Coordinator:
         elif turn.phase is Phase.Checking and now >= turn.again:
             if turn.doubt is not None and now - turn.since > INSIST:
                 self._handle(request, turn, Event.Over, now, turn.doubt)
+            elif turn.awaited:
+                self._repeat(request, turn, now)
             else:
                 self._check(request, turn, now)
         elif turn.phase in UNDER_WAY and now - turn.active > SILENT:

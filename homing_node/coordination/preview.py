@@ -33,7 +33,8 @@ class Preview:
         named = [axis for step in steps for axis in step]
         required = [one for axis in named for one in line.requires.get(axis, ())]
         self._left = list(dict.fromkeys([*named, *required]))
-        self._open: dict[int, tuple[str, float]] = {}  # axis and time of each question
+        self._numbers: dict[int, str] = {}  # axis of each question: also a late answer counts
+        self._open: dict[str, float] = {}  # when each axis was asked for last
         self._begun: dict[str, float] = {}  # when each axis was asked for first
         self._answers: dict[str, Checked | None] = {}
 
@@ -49,19 +50,21 @@ class Preview:
         """Note that a check of the next axis was sent."""
         axis = self._left.pop(0)
         self._begun.setdefault(axis, now)
-        self._open[number] = axis, now
+        self._numbers[number], self._open[axis] = axis, now
 
     def checked(self, number: int, answer: Checked) -> None:
         """Take the answer to a check."""
-        axis, _ = self._open.pop(number, ('', 0.0))
-        if axis:
+        axis = self._numbers.get(number, '')
+        if axis and axis not in self._answers:
             self._answers[axis] = answer
+            self._open.pop(axis, None)
+            self._left = [one for one in self._left if one != axis]
 
     def tick(self, now: float) -> None:
         """Repeat checks that are not answered, and give them up at last."""
-        for number, (axis, since) in list(self._open.items()):
+        for axis, since in list(self._open.items()):
             if now - since > UNANSWERED:
-                del self._open[number]
+                del self._open[axis]
                 if now - self._begun[axis] > PATIENCE:
                     self._answers[axis] = None
                 else:

@@ -56,9 +56,9 @@ class Turn:
         since: when this phase began, s.
         outcome: how it ended.
         goal: the number of its goal, 0: none has left.
-        check: the number of its last check.
-        awaited: the cells whose answer to that check has not come.
-        answers: the answers to that check that have come.
+        checks: the numbers of the check and of its repetitions; an answer to any of them counts.
+        awaited: the cells whose answer to the check has not come.
+        answers: the answers to the check that have come.
         again: when the check is repeated, s: it was not answered, or met a lock.
         doubt: the lock that the check met last.
         active: when the goal or the axis was last seen to run, s.
@@ -70,7 +70,8 @@ class Turn:
         self.phase = Phase.Waiting
         self.since = 0.0
         self.outcome = Outcome(Error.NoError)
-        self.goal = self.check = 0
+        self.goal = 0
+        self.checks: set[int] = set()
         self.awaited: set[str] = set()
         self.answers: dict[str, Checked] = {}
         self.again = 0.0

@@ -20,6 +20,7 @@ from homing_interfaces.msg import AxisState
 from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 from unique_identifier_msgs.msg import UUID
 
@@ -99,14 +100,15 @@ class CellLink:
             made = self._subscriptions.subscribe(
                 AxisState, topic, qos(latched=True, depth=20), False
             )
-            self._states[axis] = taker(made, False)
+            self._states[axis] = taker(made, True)
 
     # ------------------------------------------------------------------------------ the rhythm
 
     def poll(self, now: float) -> None:
         """Take what has arrived, and send what had to wait."""
         for axis, take in self._states.items():
-            for state, info in waiting(take):
+            for data, info in waiting(take):
+                state = deserialize_message(data, AxisState)
                 self._take_state(axis, state, int(info['publication_sequence_number']), now)
         for claim, _ in waiting(self._claims):
             if claim.hardware_id != self._identity:

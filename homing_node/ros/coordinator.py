@@ -11,6 +11,7 @@ import sys
 import time
 import uuid
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -34,6 +35,7 @@ from ..parameters.definition import InvalidParameters
 from ..parameters.line import LINE_DEFINITIONS, cell_of, line
 from ..procedures.states import Error
 from . import cell_messages
+from .axis_services import AxisServices, trigger
 from .cell_link import CellLink
 from .declaring_node import DeclaringNode
 from .services import ACCEPTANCE
@@ -65,7 +67,8 @@ class HomingCoordinator(DeclaringNode):
         self._goals: dict[int, tuple[Any, Request]] = {}
         self._by_id: dict[bytes, Request] = {}
         self._ends: list[tuple[Request | Preview, Future]] = []
-        identity, subscriptions = uuid.uuid4().hex, Subscriptions(self)
+        self._services_of_axes = AxisServices(self)
+        identity, subscriptions = uuid.uuid4().hex, Subscriptions(self._services_of_axes.node)
         self._links = {
             cell: CellLink(
                 self,
@@ -81,8 +84,11 @@ class HomingCoordinator(DeclaringNode):
         }
         for axis in dict.fromkeys([*self._named()]):
             self._add_axis(axis)
-        self._serve(Trigger, '~/home', self._home_service([], '~/home'))
-        self._serve(Trigger, '~/cancel', self._cancel_service(''))
+        for name, answering in (
+            ('~/home', partial(self._home, [], '~/home')),
+            ('~/cancel', partial(self._cancel, '')),
+        ):
+            self.create_service(Trigger, name, trigger(answering), callback_group=self._group)
         self._action = ActionServer(
             self,
             Home,
@@ -95,6 +101,14 @@ class HomingCoordinator(DeclaringNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK, self._tick, callback_group=self._group, clock=steady)
         self.create_timer(FEEDBACK, self._feedback, callback_group=self._group, clock=steady)
+
+    def start(self) -> None:
+        """Serve the axes; the node has its executor."""
+        self._services_of_axes.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._services_of_axes.close()
 
     def stop(self) -> None:
         """Stop what this coordinator homes, and refuse what comes."""
@@ -122,11 +136,9 @@ class HomingCoordinator(DeclaringNode):
             return
         self._state_topics[axis] = self.create_publisher(AxisState, f'~/{axis}/state', LATCHED)
         self._links[cell_of(axis)].watch(axis)
-        self._serve(Trigger, f'~/{axis}/home', self._home_service([axis], f'~/{axis}/home'))
-        self._serve(Trigger, f'~/{axis}/cancel', self._cancel_service(axis))
-
-    def _serve(self, kind: Any, name: str, callback: Any) -> None:
-        self.create_service(kind, name, callback, callback_group=self._group)
+        serve = self._services_of_axes.serve
+        serve(f'{axis}/home', partial(self._home, [axis], f'~/{axis}/home'))
+        serve(f'{axis}/cancel', partial(self._cancel, axis))
 
     def _take_state(self, axis: str, state: AxisState) -> None:
         """Publish a state under the axis's name in the line."""
@@ -164,50 +176,40 @@ class HomingCoordinator(DeclaringNode):
 
     # --------------------------------------------------------------------------- the services
 
-    def _home_service(self, names: list[str], owner: str) -> Any:
-        async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            begun = self._core.home(names, owner, time.monotonic())
-            if isinstance(begun, Outcome):
-                response.message = f'{begun.error}: {begun.message}'
-                return response
-            await self._end_of(begun)
-            response.success = all(one.success for one in begun.outcomes.values())
-            response.message = cell_messages.words(begun)
-            return response
+    async def _home(self, names: list[str], owner: str) -> tuple[bool, str]:
+        """Home some axes, none for all; return how it ended."""
+        begun = self._core.home(names, owner, time.monotonic())
+        if isinstance(begun, Outcome):
+            return False, f'{begun.error}: {begun.message}'
+        await self._end_of(begun)
+        success = all(one.success for one in begun.outcomes.values())
+        return success, cell_messages.words(begun)
 
-        return serve
-
-    def _cancel_service(self, axis: str) -> Any:
-        """Return a server that stops an axis, '' for all, and answers when it rests.
+    async def _cancel(self, axis: str) -> tuple[bool, str]:
+        """Stop an axis, '' for all; return when it rests.
 
         The nodes stop whatever homes there, also what this coordinator did not ask for.
         """
-
-        async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            names = [axis] if axis else list(self._state_topics)
-            self._core.cancel(names, 'canceled', time.monotonic())
-            self._ask()
-            cells = [cell_of(axis)] if axis else list(self._links)
-            name = f'{cell_messages.local(axis)}/cancel' if axis else 'cancel'
-            sent = {cell: self._links[cell].trigger(name) for cell in cells}
-            until = time.monotonic() + STOP
-            while time.monotonic() < until and not all(f.done() for f in sent.values() if f):
-                await self._waits.pause(TICK)
-            said, lost = [], []
-            for cell, future in sent.items():
-                answered = future is not None and future.done()
-                if answered and future.result().success:
-                    said.append(f'{cell}: {future.result().message}')
-                else:
-                    lost.append(cell)
-            response.success = not lost
-            response.message = '; '.join(said)
-            if lost:
-                text = f'{Error.CellLost}: no answer of {", ".join(lost)}; whether its axes rest '
-                response.message = '; '.join([f'{text}is not known', *said])
-            return response
-
-        return serve
+        names = [axis] if axis else list(self._state_topics)
+        self._core.cancel(names, 'canceled', time.monotonic())
+        self._ask()
+        cells = [cell_of(axis)] if axis else list(self._links)
+        name = f'{cell_messages.local(axis)}/cancel' if axis else 'cancel'
+        sent = {cell: self._links[cell].trigger(name) for cell in cells}
+        until = time.monotonic() + STOP
+        while time.monotonic() < until and not all(f.done() for f in sent.values() if f):
+            await self._waits.pause(TICK)
+        said, lost = [], []
+        for cell, future in sent.items():
+            answered = future is not None and future.done()
+            if answered and future.result().success:
+                said.append(f'{cell}: {future.result().message}')
+            else:
+                lost.append(cell)
+        if lost:
+            text = f'{Error.CellLost}: no answer of {", ".join(lost)}; whether its axes rest '
+            return False, '; '.join([f'{text}is not known', *said])
+        return True, '; '.join(said)
 
     # ----------------------------------------------------------------------------- the action
 
@@ -288,6 +290,7 @@ def main(args: list[str] | None = None) -> int:
         return 1
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    node.start()
     while not signals:
         executor.spin_once(timeout_sec=0.1)
     node.stop()
@@ -296,6 +299,7 @@ def main(args: list[str] | None = None) -> int:
     end = time.monotonic() + LINGER
     while time.monotonic() < end:
         executor.spin_once(timeout_sec=0.01)
+    node.close()
     executor.shutdown(1.0)
     node.destroy_node()
     rclpy.shutdown()
