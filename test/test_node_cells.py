@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two cells and their coordinator as processes; the second cell is a managed node."""
 
+import re
+import signal
 from types import SimpleNamespace
 
+import cable
 import pytest
 import ros_harness as ros
+import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
@@ -82,7 +86,7 @@ class Line:
     def insist(self, kind, service, **fields):
         """Call a service until it answers: a node that was killed may still be listed as well."""
         asking = ros.Asking(lambda: self.client.send(kind, service, **fields), lambda: True)
-        return self.client.until(asking.answer, 40.0, service)
+        return self.client.until(asking.answer, 90.0, service)
 
     def life(self, cell):
         return self.insist(GetState, f'{NODES[cell]}/get_state').current_state.id
@@ -240,3 +244,84 @@ def test_a_bad_line_ends_with_every_fault(tmp_path):
     assert process.wait() == 1
     for text in ('at_once: 0', "'cell3' is none of the cells", 'stands in two steps, 1 and 2'):
         assert text in process.output
+
+
+# -- two hosts ------------------------------------------------------------------------------------
+
+WHY_NOT = cable.missing()
+
+
+class Hosts:
+    """The coordinator, a client and the first cell on one host, the second cell on the other."""
+
+    def __init__(self, folder):
+        self.folder, self.domain = folder, ros.Domain()
+        self.cable = cable.Cable()
+        self.processes = []
+        near, far = self.cable.near, self.cable.far
+        self.start('homing_coordinator', near, '', {**LINE, 'cell_timeout': 2.0})
+        for cell, host in (('cell1', near), ('cell2', far)):
+            axes = AXES[cell]
+            layouts = {axis: {'start': 0.05} for axis in axes}
+            parameters = {axis: SLOW if axis == 'z' else PATIENT for axis in axes}
+            plant = ros.plant_parameters(layouts, **RATES)
+            node = ros.node_parameters(
+                parameters, update_rate=100.0, cycle_timeout=5.0, ready_timeout=20.0
+            )
+            self.start('simulated_axes', host, cell, plant)
+            self.start('homing_node', host, cell, node)
+
+    def start(self, name, host, cell, parameters):
+        file = self.folder / f'{name}_{cell}.yaml'
+        file.write_text(
+            yaml.dump({'/**': {'ros__parameters': parameters}}, Dumper=ros.PlainDumper)
+        )
+        code = f'import sys; from {ros.MAINS[name]} import main; sys.exit(main())'
+        namespace = ['-r', f'__ns:=/{cell}'] if cell else []
+        arguments = ['-c', code, '--ros-args', '--params-file', str(file), *namespace]
+        self.processes.append(self.run(host, f'{name}_{cell}', arguments))
+
+    def run(self, host, name, arguments):
+        log = self.folder / f'{name}.log'
+        return self.cable.run(host, arguments, log, ROS_DOMAIN_ID=str(self.domain.number))
+
+    def home(self, moving=None):
+        """Home the line with the command `homing`; call a function once the far cell moves."""
+        code = 'import sys; from homing_node.cli import main; sys.exit(main())'
+        verb = ['-c', code, 'home', '--node', '/homing_coordinator']
+        process = self.run(self.cable.near, 'client', verb)
+        log = self.folder / 'client.log'
+        try:
+            if moving is not None:
+                ros.wait_for(lambda: 'cell2/z: HS' in log.read_text(), 60.0, log.read_text())
+                moving()
+            process.wait(90.0)
+        finally:
+            process.kill()
+            process.wait()
+        return log.read_text()
+
+    def close(self):
+        for process in self.processes:
+            process.send_signal(signal.SIGINT)
+        statuses = [process.wait(20.0) for process in self.processes]
+        self.cable.close()
+        self.domain.release()
+        assert set(statuses) == {0}, [log.read_text() for log in self.folder.glob('*.log')]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+def test_a_line_over_a_bad_cable_homes_or_names_the_cell_that_is_lost(tmp_path):
+    hosts = Hosts(tmp_path)
+    try:
+        hosts.cable.set(delay=0.02, jitter=0.005, loss=0.05)
+        told = hosts.home(lambda: hosts.cable.set(cut=True))
+        assert re.search('(CellLost|ResultLost): cell2/z', told), told
+        hosts.cable.set(cut=False)
+        ros.wait_for(
+            lambda: 'Homed' in (told := hosts.home()) or not re.search('cell2|there is no', told),
+            180.0,
+        )
+    finally:
+        hosts.close()
