@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from homing_node.parameters.axis import DEFINITIONS
-from homing_node.parameters.configuration import NODE_DEFINITIONS
 from homing_node.parameters.connections import (
     COMMAND_DEFINITIONS,
     SERVICE_DEFINITIONS,
@@ -14,6 +13,7 @@ from homing_node.parameters.connections import (
 )
 from homing_node.parameters.definition import Definition
 from homing_node.parameters.line import LINE_DEFINITIONS
+from homing_node.parameters.node_fields import NODE_DEFINITIONS
 from homing_node.procedures.states import LSType
 
 PAGE = Path(__file__).resolve().parent.parent / 'doc' / 'parameters.md'

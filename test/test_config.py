@@ -115,6 +115,7 @@ def test_every_example_is_tested():
         'simulated_axes.yaml',
         'line.yaml',
         'gantry.yaml',  # test_gantry_parameters.py
+        'simulated_gantry.yaml',  # test_gantry_rehearsal.py
     }
 
 

@@ -7,9 +7,6 @@ from homing_node.language.expression import Source
 from homing_node.parameters.axis import DEFINITIONS
 from homing_node.parameters.configuration import (
     AXIS_DEFINITIONS,
-    NODE_DEFINITIONS,
-    RESERVED,
-    SetpointInterface,
     check_axis_values,
     check_node_value,
     configuration,
@@ -17,6 +14,7 @@ from homing_node.parameters.configuration import (
 )
 from homing_node.parameters.connections import Connections
 from homing_node.parameters.definition import InvalidParameters
+from homing_node.parameters.node_fields import NODE_DEFINITIONS, RESERVED, SetpointInterface
 from homing_node.procedures.states import HomeType, Input
 
 QOS = 'qos_overrides./homing_node/x/home_switch.subscription'

@@ -15,7 +15,8 @@ from homing_node.core.axis import Axis
 from homing_node.core.dispatch import DryRun
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import axis_parameters
-from homing_node.parameters.configuration import AXIS_DEFINITIONS, NODE_DEFINITIONS
+from homing_node.parameters.configuration import AXIS_DEFINITIONS
+from homing_node.parameters.node_fields import NODE_DEFINITIONS
 from homing_node.parameters.units import Unit
 from homing_node.parameters.wiring import Place, Wiring
 from homing_node.procedures.states import Error, Input, State

@@ -13,8 +13,9 @@ from trajectory_msgs.msg import JointTrajectory
 from homing_node.core.announcement import Course, announcement
 from homing_node.core.axis import Axis
 from homing_node.core.profile import Dynamics, Profile
-from homing_node.parameters.configuration import SetpointInterface, configuration
+from homing_node.parameters.configuration import configuration
 from homing_node.parameters.definition import InvalidParameters
+from homing_node.parameters.node_fields import SetpointInterface
 from homing_node.plant.controller import NS, Message, Point, TrajectoryController
 from homing_node.procedures.states import Error, Input
 from homing_node.ros.serialized import TrajectoryWriter

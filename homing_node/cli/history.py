@@ -11,7 +11,7 @@ from ..memory.comparison import Memory, Rules
 from ..memory.folder import SUFFIX, folder_path
 from ..memory.records import Run
 from ..memory.store import Contents, read
-from ..parameters.configuration import MEMORY_FOLDER
+from ..parameters.node_fields import MEMORY_FOLDER
 from ..parameters.units import Unit
 from .common import FAILED, OK, Failure, add_node, count, written
 

@@ -10,8 +10,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ..procedures.states import TextEnum
-from .configuration import AXIS_NAME, COMMON_DEFINITIONS, bad_common
+from .configuration import bad_common
 from .definition import Definition, InvalidParameters, read, suggestion, table
+from .node_fields import AXIS_NAME, COMMON_DEFINITIONS
 
 NODE_NAME = re.compile(r'(/[A-Za-z_][A-Za-z0-9_]*)+')
 

@@ -13,7 +13,6 @@ from ..parameters import gantry
 from ..parameters.axis import DEFINITIONS, AxisParameters, axis_parameters
 from ..parameters.configuration import (
     AXIS_DEFINITIONS,
-    NODE_DEFINITIONS,
     Configuration,
     check_axis_values,
     check_node_value,
@@ -27,6 +26,7 @@ from ..parameters.connections import (
 )
 from ..parameters.definition import InvalidParameters
 from ..parameters.gantry import FOLLOWER_DEFINITIONS
+from ..parameters.node_fields import NODE_DEFINITIONS
 from . import messages, words
 from .declaring_node import DeclaringNode
 

@@ -9,8 +9,8 @@ from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from ..parameters.configuration import COMMON_DEFINITIONS
 from ..parameters.definition import Definition, InvalidParameters
+from ..parameters.node_fields import COMMON_DEFINITIONS
 from . import messages
 
 

@@ -25,8 +25,8 @@ from ..memory.keeper import Keeper
 from ..memory.restoring import Refused, Restored
 from ..memory.store import Contents, Store
 from ..parameters.axis import AxisParameters
-from ..parameters.configuration import MEMORY_FOLDER
 from ..parameters.definition import InvalidParameters
+from ..parameters.node_fields import MEMORY_FOLDER
 from ..procedures.states import Error, Restore
 from . import messages
 

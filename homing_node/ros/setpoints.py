@@ -16,8 +16,9 @@ from ..core.announcement import announcement, least_horizon
 from ..core.axis import Axis, Setpoint
 from ..core.outcome import Outcome
 from ..core.position_array import OtherJoint, PositionArray
-from ..parameters.configuration import Configuration, SetpointInterface, SetpointStamp
+from ..parameters.configuration import Configuration
 from ..parameters.definition import InvalidParameters
+from ..parameters.node_fields import SetpointInterface, SetpointStamp
 from .serialized import PlainTrajectoryWriter, TrajectoryWriter
 from .timebase import Stamps, TimeBase
 

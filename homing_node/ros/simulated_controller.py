@@ -13,7 +13,7 @@ from typing import Any
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from ..parameters.configuration import SetpointInterface
+from ..parameters.node_fields import SetpointInterface
 from ..plant.controller import (
     NS,
     RECOMMENDED,

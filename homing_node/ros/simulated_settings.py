@@ -6,14 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
-from ..parameters.configuration import (
-    COMMON_DEFINITIONS,
-    NODE_DEFINITIONS,
-    SetpointInterface,
-    bad_names,
-    unknown_axis,
-)
+from ..parameters.configuration import bad_names, unknown_axis
 from ..parameters.definition import Definition, InvalidParameters, read, table
+from ..parameters.node_fields import COMMON_DEFINITIONS, NODE_DEFINITIONS, SetpointInterface
 from ..plant.layout import (
     DEAD_TIME,
     FEEDBACK_RATE,

@@ -4,7 +4,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..parameters.configuration import AXIS_DEFINITIONS, NODE_DEFINITIONS, Configuration
+from ..parameters.configuration import AXIS_DEFINITIONS, Configuration
+from ..parameters.node_fields import NODE_DEFINITIONS
 
 
 def ready(
