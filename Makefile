@@ -25,13 +25,13 @@ unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON
 # Processes that are started here neither hear nor disturb ROS nodes of other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help venv demo lint test test-long test-kilted test-faults fuzz bench bench-accuracy bench-cells docs workspace \
+.PHONY: help venv demo demo-gantry lint test test-long test-kilted test-faults fuzz bench bench-accuracy bench-cells docs workspace \
   clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make venv    install everything into $(VENV) (the first time: two minutes)'
-	@echo 'make demo    home simulated axes and show what happens'
+	@echo 'make demo    home simulated axes and show what happens; make demo-gantry: a gantry'
 	@echo 'make test    lint, then run all tests'
 	@echo 'make test-long   run the tests that take long, and those of docs and benchmarks'
 	@echo 'make test-kilted   run the tests of the node on ROS 2 Kilted, in $(KILTED)'
@@ -47,6 +47,9 @@ help:
 
 demo: venv $(VENV)/.for_tests_control_msgs
 	@$(VENV)/bin/python scripts/demo.py
+
+demo-gantry: venv
+	@$(VENV)/bin/python scripts/demo_gantry.py
 
 lint: venv
 	$(VENV)/bin/ruff check .

@@ -13,10 +13,11 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import rclpy
@@ -226,13 +227,18 @@ class HomingClient:
             return self._states[axis]
 
     @contextmanager
-    def record(self, axis: str, joint: str = '') -> Iterator[Course]:
+    def record(
+        self, axis: str, joint: str = '', followers: Mapping[str, str] = MappingProxyType({})
+    ) -> Iterator[Course]:
         """Record the setpoints, the feedback and the switches of an axis into a course.
 
-        The axis publishes `setpoint_interface: trajectory`.
+        The axis publishes `setpoint_interface: trajectory`. ``followers`` has the joints of the
+        followers of a gantry, by their names; they are in `Course.followers`, by full names.
         """
         self.state(axis)
-        recorder = CourseRecorder(self.node, self.node_name, axis, joint or axis, self.state)
+        recorder = CourseRecorder(
+            self.node, self.node_name, axis, joint or axis, self.state, followers
+        )
         try:
             yield recorder.course
         finally:

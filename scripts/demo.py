@@ -7,14 +7,12 @@ demo.png. `make demo` runs it; nothing else is needed.
 """
 
 import os
-import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from processes import ROOT, process
+
 CONFIG = ROOT / 'config' / 'homed_machine.yaml'
 PLANT = ROOT / 'config' / 'simulated_axes.yaml'
 AXIS = 'z'  # starts beyond its home switch: it meets the limit and turns
@@ -22,9 +20,6 @@ CONTROLLER = 'axes_controller'  # simulated, too
 TO, SECONDS = 0.1, 1.0  # where the goal leads, homed, m, and how long it takes, s
 REST = 0.3  # what is shown of the rest after it, s
 PICTURE = ROOT / 'demo.png'
-
-os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
 
 #: What the homing node sends, the controller plays; the client listens there, too.
 REMAPPED = ('-r', f'/homing_node/setpoints:=/{CONTROLLER}/joint_trajectory')
@@ -48,28 +43,6 @@ from homing_node.plant.layout_reader import layouts_from  # noqa: E402
 from homing_node.procedures.states import Error, State  # noqa: E402
 
 console = Console(highlight=False)
-
-
-@contextmanager
-def process(executable: str, parameters: Path, *arguments: str):
-    """Run an executable of this package."""
-    child = subprocess.Popen(
-        [
-            Path(sys.executable).with_name(executable),
-            '--ros-args',
-            '--log-level',
-            'warn',
-            '--params-file',
-            str(parameters),
-            *arguments,
-        ],
-        cwd=ROOT,
-    )
-    try:
-        yield child
-    finally:
-        child.terminate()
-        child.wait()
 
 
 def layout_of(axis: str):

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records what one axis does, from its topics, into a course; for scripts (client.py)."""
+"""Records what one axis does, from its topics, into a course; for scripts (client.py).
+
+Of a gantry the leader and each follower have a course; they get their samples from the same
+messages.
+"""
 
 import time
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from homing_interfaces.msg import AxisState
@@ -21,6 +26,15 @@ BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 Info = Mapping[str, int]
 
 
+class _Drive:
+    """One drive of an axis: its joint, its course, and what was heard last."""
+
+    def __init__(self, joint: str) -> None:
+        self.joint, self.course = joint, Course()
+        self.feedback = 0.0
+        self.levels: dict[Input, bool] = {}
+
+
 class CourseRecorder:
     """Fills a course from the topics of one axis; the times are those of publishing."""
 
@@ -31,6 +45,7 @@ class CourseRecorder:
         axis: str,
         joint: str,
         state: Callable[[str], AxisState],
+        followers: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Begin to record.
 
@@ -40,28 +55,32 @@ class CourseRecorder:
             axis: The name of the axis.
             joint: The name of its joint.
             state: Returns the newest state of an axis.
+            followers: The joints of the followers of a gantry, by their names in `followers`.
         """
-        self.course = Course()
-        self._node, self._axis, self._joint, self._state = node, axis, joint, state
+        leader = _Drive(joint)
+        others = {f'{axis}.{name}': _Drive(own) for name, own in followers.items()}
+        self.course = leader.course
+        self.course.followers = {name: drive.course for name, drive in others.items()}
+        self._drives = [leader, *others.values()]
+        self._node, self._axis, self._state = node, axis, state
         self._begun = time.time_ns()
-        self._feedback = 0.0
-        self._levels: dict[Input, bool] = {}
         self._subscriptions = [
             node.create_subscription(
                 JointTrajectory, f'{node_name}/setpoints', self._take_setpoint, 100
             ),
             node.create_subscription(JointState, 'joint_states', self._take_feedback, BEST_EFFORT),
         ]
-        for source in Input:
-            if source is not Input.SERVO_ENABLED:
-                self._subscriptions.append(
-                    node.create_subscription(
-                        Float64 if source in LATCHES else Bool,
-                        f'{node_name}/{axis}/{source}',
-                        self._input_taker(source),
-                        100,
+        for name, drive in {axis: leader, **others}.items():
+            for source in Input:
+                if source is not Input.SERVO_ENABLED:
+                    self._subscriptions.append(
+                        node.create_subscription(
+                            Float64 if source in LATCHES else Bool,
+                            f'{node_name}/{name.replace(".", "/")}/{source}',
+                            self._input_taker(drive, source),
+                            100,
+                        )
                     )
-                )
 
     def close(self) -> None:
         """Stop recording."""
@@ -72,37 +91,41 @@ class CourseRecorder:
         return (info['source_timestamp'] - self._begun) * 1e-9
 
     def _take_setpoint(self, message: JointTrajectory, info: Info) -> None:
-        if self._joint not in message.joint_names:
+        joints, point = message.joint_names, message.points[0]
+        if not {drive.joint for drive in self._drives} <= set(joints):
             return
-        index, point = message.joint_names.index(self._joint), message.points[0]
         state = self._state(self._axis).state
-        if state != State.Idle:
-            self.course.samples.append(
+        if state == State.Idle:
+            return
+        for drive in self._drives:
+            index = joints.index(drive.joint)
+            drive.course.samples.append(
                 Sample(
                     self._time(info),
                     state,
                     point.positions[index],
                     point.velocities[index],
                     point.accelerations[index],
-                    self._feedback,
+                    drive.feedback,
                 )
             )
 
     def _take_feedback(self, message: JointState) -> None:
-        if self._joint in message.name:
-            self._feedback = message.position[message.name.index(self._joint)]
+        for drive in self._drives:
+            if drive.joint in message.name:
+                drive.feedback = message.position[message.name.index(drive.joint)]
 
-    def _input_taker(self, source: Input) -> Callable[[Any, Info], None]:
+    def _input_taker(self, drive: _Drive, source: Input) -> Callable[[Any, Info], None]:
         def take(message: Bool | Float64, info: Info) -> None:
             value = message.data
             latched = source in LATCHES
             if not latched:
-                before, self._levels[source] = self._levels.get(source, value), value
+                before, drive.levels[source] = drive.levels.get(source, value), value
                 if before == value:
                     return
-            self.course.happenings.append(
+            drive.course.happenings.append(
                 Happening(
-                    self._time(info), str(source), value, value if latched else self._feedback
+                    self._time(info), str(source), value, value if latched else drive.feedback
                 )
             )
 
