@@ -21,7 +21,7 @@ from types import MappingProxyType
 from typing import Any
 
 import rclpy
-from homing_interfaces.action import Home
+from homing_interfaces.action import Home, Jog
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionClient
 from rclpy.context import Context
@@ -30,6 +30,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, ParameterMsg
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from .course import Course
@@ -42,6 +43,8 @@ ALIVE_PERIOD = 1.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: A node that sends no feedback about a goal for so long is silent, s; it sends some at 10 Hz.
 SILENCE = 5.0
+#: How often a deadman that is held says so, s.
+DEADMAN_PERIOD = 0.05
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,46 @@ class HomingClient:
         """
         first, *others = axes
         return self._patiently(lambda: self._home(f'{first}/verify', others, on_feedback, timeout))
+
+    def jog(
+        self,
+        axis: str,
+        distance: float,
+        velocity: float,
+        held: Callable[[], bool] | None = None,
+        on_feedback: Callable[[Jog.Feedback], None] | None = None,
+        timeout: float | None = None,
+    ) -> Jog.Result:
+        """Move an axis by a distance, and return what it has met.
+
+        KeyboardInterrupt (as Interrupted) and a timeout stop the axis before they leave this call.
+
+        Args:
+            axis: The name of the axis.
+            distance: How far, raw, with its sign, m or rad.
+            velocity: How fast, m/s or rad/s.
+            held: Returns whether the deadman is held; called in the client's thread. None: the jog
+                has no deadman.
+            on_feedback: Called at 10 Hz, in the client's thread.
+            timeout: Longest wait for the end, s; None: no bound.
+        """
+        goal = Jog.Goal(
+            axis=axis,
+            distance=float(distance),
+            velocity=float(velocity),
+            deadman=held is not None,
+        )
+        if held is None:
+            return self._act(Jog, 'jog', goal, on_feedback, timeout)
+        topic = f'{self.node_name}/{axis}/deadman'
+        publisher = self._client(topic, lambda: self.node.create_publisher(Bool, topic, 1))
+        timer = self.node.create_timer(
+            DEADMAN_PERIOD, lambda: publisher.publish(Bool(data=bool(held())))
+        )
+        try:
+            return self._act(Jog, 'jog', goal, on_feedback, timeout)
+        finally:
+            self.node.destroy_timer(timer)
 
     def call_home(self, axis: str = '', timeout: float | None = None) -> Answer:
         """Home one axis, or all, through the service instead of the action.

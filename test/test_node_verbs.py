@@ -11,8 +11,10 @@ import threading
 
 import pytest
 import ros_harness as ros
+from homing_interfaces.msg import AxisState
 
 from homing_node.cli import main
+from homing_node.client import HomingClient
 
 NODE = '/cell/homing_node'
 COMMAND = 'import sys; from homing_node.cli import main; sys.exit(main())'
@@ -143,6 +145,46 @@ def test_ctrl_c_cancels_and_waits_for_rest(world, homing):
     states = world.client.record_states('y')
     world.client.until(lambda: states)
     assert states[-1].message.state == 'Idle' and states[-1].message.error == 'Canceled'
+
+
+def test_jog(world, homing):
+    """The action, beside a home that stays; stopped by the deadman, by a limit, and refused."""
+    client = world.client
+    client.home('x')
+    with HomingClient(NODE) as user:
+        before = user.state('x')
+        feedback = []
+        away = user.jog('x', -0.02, 0.04, lambda: True, feedback.append)
+        assert away.success, away.message
+        assert away.message.startswith('Jogged: -20 mm, 1 edge met')
+        (edge,) = away.edges
+        assert (edge.input, edge.level) == ('home_switch', False)
+        assert edge.position == pytest.approx(0.05495, abs=2 * edge.uncertainty)
+        assert -0.045 < edge.velocity < 0.0
+        now = client.node.get_clock().now().nanoseconds * 1e-9
+        assert 0.0 < now - edge.stamp.sec - edge.stamp.nanosec * 1e-9 < 10.0
+        assert {one.state.state for one in feedback} >= {'Jogging'}
+        assert -0.021 < min(one.distance_to_go for one in feedback) < -0.005
+        state = away.state
+        assert state.homed and state.home_offset == before.home_offset
+        assert state.position == pytest.approx(before.position - 0.02, abs=2e-4)
+
+        def until_it_moves():
+            return not any(abs(one.distance_to_go) < 0.035 for one in feedback[known:])
+
+        known = len(feedback)
+        released = user.jog('x', 0.04, 0.02, until_it_moves, feedback.append)
+        assert released.error_code == AxisState.CANCELED and 'deadman' in released.message
+        never = user.jog('x', 0.01, 0.02, lambda: False)
+        assert never.error_code == AxisState.CANCELED and 'no true on /cell/' in never.message
+        assert not user.state('x').paused and user.state('x').homed
+        fast = user.jog('x', 0.01, 0.2)
+        assert fast.error_code == AxisState.INVALID_PARAMETER
+        assert '0.2 m/s must be <= homing_velocity_fast, 0.05 m/s' in fast.message
+        assert user.jog('u', 0.01, 0.02).error_code == AxisState.UNKNOWN_AXIS
+        limit = user.jog('x', 0.08, 0.05)
+        assert limit.error_code == AxisState.LS_TRIGGERED
+        assert [one.input for one in limit.edges][-1] == 'positive_limit_switch'
 
 
 def test_watch(world, homing, monkeypatch):

@@ -23,6 +23,10 @@ class FakeAxis:
         self.parameters = rig('HS').parameters()
         self.drives = {name: self}
 
+    @property
+    def ended(self):
+        return self.outcome
+
     def refusal(self, now, verify=False):
         return self.refused
 

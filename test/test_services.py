@@ -19,7 +19,7 @@ def test_what_was_told_before_a_request_counts_before_it():
         clock.polled = 2.0
         done.append('poll')
 
-    def home(names, owner, now, verify=False):
+    def home(names, owner, now, verify=False, jog=None):
         assert lock.locked()
         assert now == 2.0  # no message that was polled is from later
         done.append('home')

@@ -17,9 +17,11 @@ from .announcement import Course
 from .axis_inputs import AxisInputs
 from .edge_queue import EdgeQueue
 from .home_watch import HomeWatch
+from .jog import DEADMAN_TIME, Jog, fault_of, jog_parameters, met
+from .kept_home import RunKind
 from .limits import Action
 from .machine import Machine
-from .outcome import Failure, Outcome
+from .outcome import Failure, Jogged, Outcome
 from .profile import Profile
 from .remembered import Remembered
 from .result import outcome_of
@@ -59,6 +61,8 @@ class Axis(AxisInputs):
         self.lead = lead
         self._settling = Settling(lead)
         self._moved = False
+        self._hold_until = math.inf  # a jog stops then
+        self._jog_from = 0.0
         self.returning = False
         self.configure(parameters)
 
@@ -121,17 +125,49 @@ class Axis(AxisInputs):
         refusal = self.refusal(now, verify)
         if refusal is not None:
             return refusal
-        self.profile.reset(self._start_command())
-        self.returning = False
         known = self._begin_home(now, verify)
-        self._edges = EdgeQueue(self.parameters)
-        self._settling.restart()
-        self._moved = False
-        readings = self.readings
-        readings.begin_run()
+        self._hold_until = math.inf
+        self._begin_run(self.parameters)
         self.machine = self._new_machine(now, known)
         self.machine.begin()
         return None
+
+    def jog_refusal(self, now: float, jog: Jog) -> Outcome | None:
+        """Return why the axis cannot jog so now, None if it can."""
+        fault = fault_of(jog, self.parameters)
+        if fault:
+            return self._failed(Error.InvalidParameter, fault)
+        return self.refusal(now)
+
+    def jog(self, now: float, jog: Jog) -> Outcome | None:
+        """Start a jog; return why it cannot start, None if it has started.
+
+        No home is changed. With a deadman it stops if `deadman` is not called in time.
+        """
+        refusal = self.jog_refusal(now, jog)
+        if refusal is not None:
+            return refusal
+        self.kind = RunKind.jog
+        self._hold_until = now + DEADMAN_TIME if jog.deadman else math.inf
+        self._jog_from = self.raw_position
+        parameters = jog_parameters(self.parameters, jog)
+        self._begin_run(parameters)
+        self.machine = machine = self._machine_of(now, parameters)
+        machine.movement.approach = self.profile.position + self._sign * jog.distance
+        machine.begin()
+        return None
+
+    @property
+    def distance_to_go(self) -> float:
+        """How far a jog has to go, raw, m or rad; 0 without one."""
+        if self.machine is None or self.kind is not RunKind.jog:
+            return 0.0
+        return self._sign * (self.machine.movement.approach - self.readings.track.position)
+
+    def deadman(self, now: float, held: bool) -> None:
+        """Take that the deadman of a jog is held, or was released."""
+        if self._hold_until < math.inf:
+            self._hold_until = now + DEADMAN_TIME if held else now
 
     def warn(self, text: str) -> None:
         """Add a warning to the run in progress, once."""
@@ -220,6 +256,8 @@ class Axis(AxisInputs):
             elif self.homed:
                 self._watch_age(now)
             return None
+        if now > self._hold_until:
+            self._let_go(machine)
         p = self.parameters
         if now - readings.arrival > p.feedback_timeout or p.switch_timeout:
             self._test_inputs(machine, now)
@@ -252,11 +290,25 @@ class Axis(AxisInputs):
 
     # ------------------------------------------------------------------------------------- inside
 
+    def _begin_run(self, parameters: AxisParameters) -> None:
+        """Prepare a run, which begins where the axis stands."""
+        self.profile.reset(self._start_command())
+        self.returning = False
+        self._edges = EdgeQueue(parameters)
+        self._settling.restart()
+        self._moved = False
+        self.readings.begin_run()
+
     def _new_machine(self, now: float, known: Remembered | None) -> Machine:
         """Return the run that begins; ``known``: where it goes quickly."""
+        return self._machine_of(now, self.parameters, known)
+
+    def _machine_of(
+        self, now: float, parameters: AxisParameters, known: Remembered | None = None
+    ) -> Machine:
         readings = self.readings
         return Machine(
-            self.parameters,
+            parameters,
             self.profile,
             readings.switches,
             now,
@@ -264,6 +316,12 @@ class Axis(AxisInputs):
             readings.series,
             known,
         )
+
+    def _let_go(self, machine: Machine) -> None:
+        """End a jog whose deadman is not held any more."""
+        if not machine.ending.stopping:
+            text = f'the deadman was not held for {DEADMAN_TIME:g} s, or released'
+            machine.fail(Failure(Error.Canceled, text))
 
     def _test_inputs(self, machine: Machine, now: float) -> None:
         """End the run if an input is too old."""
@@ -321,7 +379,7 @@ class Axis(AxisInputs):
             machine.fail(never_moved(stood))
         for text in readings.warnings(machine.passes.fine):
             machine.warn(text)
-        self._end(outcome_of(machine, self.name, readings.finest))
+        self._end(self._outcome(machine))
         if watched:
             readings.settled = readings.track.time
         rest = Rest(self._sign * self.profile.position, self.raw_position)
@@ -331,6 +389,16 @@ class Axis(AxisInputs):
         if ending.silent:
             self._end_silently(now)
         return self._setpoint(now) if told else None
+
+    def _outcome(self, machine: Machine) -> Outcome:
+        """Return how a run has ended."""
+        finest = self.readings.finest
+        outcome = outcome_of(machine, self.name, finest)
+        if self.kind is not RunKind.jog:
+            return outcome
+        text = outcome.message if outcome.error is not Error.NoError else ''
+        jogged = Jogged(self.raw_position - self._jog_from, met(machine, finest))
+        return outcome._replace(message=text, jogged=jogged, unit=self.parameters.unit)
 
     def _end_silently(self, now: float) -> None:
         """Let the command go to where the axis is, if the servo is off; else stay as it was told.

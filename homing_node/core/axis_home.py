@@ -117,6 +117,9 @@ class AxisHome(KeptHome):
         """End the run; hand its home over, if somebody wants it."""
         machine, self.machine = self.machine, None
         self.handover = None
+        if self.kind is RunKind.jog:
+            self._end_jog(outcome)
+            return
         self._end_home(outcome, machine)
         if self._hands_home_over and self.outcome.success and self.kind is not RunKind.verify:
             self._begin_handover(self.outcome)

@@ -166,6 +166,6 @@ class AxisStatus:
         if machine is None:
             step = None if self.handover is None else self.handover.step
             home = self.homed, self.home_source, self.outcome.error, self.notes
-            return self.history.runs, *home, self.servo_on, step
+            return self.history.count, *home, self.servo_on, step
         touched = machine.movement.end.touched
         return machine.step, machine.ending.error, machine.paused, touched, self.servo_on

@@ -10,6 +10,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 from ..procedures.states import Error
 from .axis import Axis
+from .jog import Jog
 from .outcome import Outcome
 from .request import Request, may_pass
 
@@ -68,11 +69,17 @@ class Dispatch(Generic[Waiter]):
         return not self._active and not self._canceling
 
     def home(
-        self, names: Sequence[str], owner: str, now: float, verify: bool = False
+        self,
+        names: Sequence[str],
+        owner: str,
+        now: float,
+        verify: bool = False,
+        jog: Jog | None = None,
     ) -> Outcome | Request:
         """Start homing some axes in the order of the groups; return why not, or the request.
 
-        With ``verify`` their homes are only compared with what is found again.
+        With ``verify`` their homes are only compared with what is found again. With ``jog`` they
+        do not home, they jog.
         """
         if self.closed:
             return Outcome(Error.Canceled, CLOSED)
@@ -82,7 +89,7 @@ class Dispatch(Generic[Waiter]):
                 continue
             return refusal
         request = Request(
-            self.grouped(names), self._axes, owner, self._unready, self.ready_timeout, verify
+            self.grouped(names), self._axes, owner, self._unready, self.ready_timeout, verify, jog
         )
         request.start(now)
         if not request.done:

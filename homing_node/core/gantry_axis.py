@@ -18,6 +18,7 @@ from .gantry_follower import Follower
 from .gantry_machine import GantryMachine
 from .gantry_run import GantryRun
 from .gantry_side import Side
+from .jog import Jog
 from .limits import Action
 from .machine import Machine
 from .outcome import MemberHome, Outcome
@@ -142,6 +143,10 @@ class GantryAxis(Axis):
             if unready is not None:
                 return self._failed(unready.error, f'{follower.name}: {unready.seen}')
         return None
+
+    def jog_refusal(self, now: float, jog: Jog) -> Outcome | None:
+        """Return why the gantry cannot jog."""
+        return self._failed(Error.InvalidParameter, 'a gantry cannot jog: home it instead')
 
     def _new_machine(self, now: float, known: Remembered | None) -> Machine:
         """Return the run that begins, of all sides."""

@@ -14,22 +14,28 @@ class History:
     """The runs of an axis that have ended.
 
     Attributes:
-        runs: their number.
+        runs: the number of homing runs.
+        count: the number of all runs, jogs as well.
         ended: their number by error; NoError counts the homed ones.
         homes: the newest home positions, raw, m or rad.
     """
 
     def __init__(self) -> None:
-        self.runs = 0
+        self.runs = self.count = 0
         self.ended: Counter[Error] = Counter()
         self.homes: deque[float] = deque(maxlen=REMEMBERED)
 
     def add(self, error: Error, home_position_raw: float) -> None:
-        """Record a run that has ended."""
+        """Record a homing run that has ended."""
+        self.count += 1
         self.runs += 1
         self.ended[error] += 1
         if error is Error.NoError:
             self.homes.append(home_position_raw)
+
+    def jogged(self) -> None:
+        """Record that a jog has ended."""
+        self.count += 1
 
     def fails(self, error: Error) -> None:
         """Record that the last run has failed after all: its home was not taken over."""

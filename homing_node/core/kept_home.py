@@ -19,6 +19,7 @@ class RunKind(TextEnum):
     home = 'home'
     rehome = 'rehome'
     verify = 'verify'
+    jog = 'jog'
 
 
 class Ended(NamedTuple):
@@ -63,6 +64,12 @@ class KeptHome(AxisStatus):
         self._begun = 0.0
         self._unaccepted: Outcome | None = None  # a home that has moved
         self._before: Outcome | None = None  # the home that a run verifies
+        self._jogged: Outcome | None = None  # how the last run has ended, if it was a jog
+
+    @property
+    def ended(self) -> Outcome:
+        """How the last run has ended, be it a homing run or a jog."""
+        return self.outcome if self._jogged is None else self._jogged
 
     @property
     def wants_verify(self) -> bool:
@@ -111,7 +118,7 @@ class KeptHome(AxisStatus):
         verify = verify or self.wants_verify
         known = self._known(verify)
         self.kind = RunKind.verify if verify else RunKind.rehome if known else RunKind.home
-        self._begun, self._unaccepted = now, None
+        self._begun, self._unaccepted, self._jogged = now, None, None
         self._before = self.outcome if verify else None
         if not verify:
             self.homed = False
@@ -128,6 +135,14 @@ class KeptHome(AxisStatus):
         known = known.mirrored(self._sign)
         far = abs(known.approach - self.readings.track.position) > p.search_distance
         return None if far else known
+
+    def _end_jog(self, found: Outcome) -> None:
+        """Take the end of a jog: the home stays as it was."""
+        self._jogged = found
+        self.outcome = self.outcome._replace(
+            error=found.error, message=found.message, warnings=found.warnings
+        )
+        self.history.jogged()
 
     def _end_home(self, found: Outcome, machine: Machine | None) -> None:
         """Take the home of a run that has ended."""

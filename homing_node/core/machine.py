@@ -14,7 +14,7 @@ from ..procedures.events import CONDITIONS, Event
 from ..procedures.motions import Kind, Way
 from ..procedures.procedure import Row
 from ..procedures.states import Error, Input, State
-from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE, HOMED, Step
+from ..procedures.steps import ENDS, HOME_SHIFT, HOME_SHIFT_MOVE, JOGGING, Step
 from .ending import Ending
 from .latches import EVENTS
 from .limits import FAILS, Action, Limit, LimitSwitches, Response, Rise, failure_of, response_to
@@ -128,8 +128,8 @@ class Machine:
 
     @property
     def awaits_latch(self) -> bool:
-        """Whether the present row ends with a latched position."""
-        waits = any(event in self.row.on for event in EVENTS.values())
+        """Whether the present row ends with a latched position, or a jog looks for one."""
+        waits = self.step is JOGGING or any(event in self.row.on for event in EVENTS.values())
         return waits and not self.ending.stopping
 
     @property
@@ -145,8 +145,8 @@ class Machine:
 
     def begin(self) -> None:
         """Enter the first row; its conditions decide what the start position changes."""
-        searches = len(self.procedure.events) > 1  # CurrentPos does not, and needs no limit
-        if not (searches and self._limits_contradict()):
+        # CurrentPos does not move, and needs no limit.
+        if not (self.procedure.moves and self._limits_contradict()):
             self._enter(self._first_step(), Mark(self.feedback))
 
     def _first_step(self) -> Step:
@@ -208,7 +208,7 @@ class Machine:
 
     def latch(self, source: Input, position: float) -> None:
         """Record a latched position of the Z-pulse or the touch probe."""
-        self.seen.latch(source, position)
+        self.seen.latch(source, position, self.now, self.profile.velocity)
         self.movement.latches.add(source, position)
 
     def fail(self, failure: Failure, action: Action | None = None) -> None:
@@ -306,7 +306,7 @@ class Machine:
             and self.profile.velocity * self.row.motion.way > 0.0
         ):  # else it has turned
             self.profile.freeze()
-        if step is HOMED:
+        if step in ENDS:
             self.finished = True
             return
         if step is HOME_SHIFT_MOVE and self.passes.fine:
@@ -358,6 +358,7 @@ class Machine:
         """Return what the axis does at the moment when a limit rises."""
         motion, cause = self.row.motion, self._cause
         rests = self.paused or motion.kind is Kind.REST
+        jogs, just_left = self.step is JOGGING, self._limits.bounces(limit.input, self.feedback)
         return Rise(
             velocity=self.profile.velocity,
             heading=Way.NONE if rests else self.movement.leg.way,
@@ -367,8 +368,8 @@ class Machine:
             at_its_edge=self.passes.end_at_fall_of(limit.input, self.feedback),
             awaited=self._switches.awaits(self.row, limit, self.reversed),
             turned_by_it=isinstance(cause, Edge) and cause.input is limit.input,
-            just_left=self._limits.bounces(limit.input, self.feedback),
-            all_ls=self.parameters.all_ls_during_homing,
+            just_left=just_left,
+            all_ls=self.parameters.all_ls_during_homing and not (just_left and jogs),
         )
 
     def _blocked(self, way: Way) -> bool:

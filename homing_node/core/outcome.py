@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..parameters.units import Unit
-from ..procedures.states import Error
+from ..procedures.states import Error, Input
 
 
 class Failure(NamedTuple):
@@ -45,6 +45,38 @@ class MemberHome(NamedTuple):
     uncertainty: float = 0.0
 
 
+class Met(NamedTuple):
+    """A change of an input that the axis has met on its way.
+
+    Attributes:
+        time: when the input changed, s.
+        input: the input.
+        level: its level after the change, after polarity; true for a latched pulse.
+        position: where the axis was, raw, m or rad.
+        uncertainty: how far that may be off, m or rad.
+        velocity: how fast the axis was, with its sign, raw, m/s or rad/s.
+    """
+
+    time: float
+    input: Input
+    level: bool
+    position: float
+    uncertainty: float
+    velocity: float
+
+
+class Jogged(NamedTuple):
+    """How a jog has gone.
+
+    Attributes:
+        distance: how far the axis went, raw, m or rad.
+        edges: what it has met on its way, in the order of time.
+    """
+
+    distance: float
+    edges: tuple[Met, ...] = ()
+
+
 class Outcome(NamedTuple):
     """How a run ended, or why a request was refused.
 
@@ -69,6 +101,7 @@ class Outcome(NamedTuple):
         applied: what the driver takes off its own coordinates since the hand-over, m or rad; None
             if it applies no home.
         members: the drives of a gantry, the leader first; else none.
+        jogged: how a jog has gone; None: it was a homing run.
     """
 
     error: Error
@@ -88,6 +121,7 @@ class Outcome(NamedTuple):
     applied: float | None = None
     members: tuple[MemberHome, ...] = ()
     duration: float = 0.0
+    jogged: Jogged | None = None
 
     @property
     def success(self) -> bool:

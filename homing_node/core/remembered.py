@@ -63,12 +63,28 @@ class Remembered(NamedTuple):
         return QuickWay(step, approach, expected)
 
 
+class SeenLatch(NamedTuple):
+    """A latched position of a run.
+
+    Attributes:
+        input: the Z-pulse or the touch probe.
+        position: the position that was latched, m or rad.
+        time: when it arrived, s.
+        velocity: the velocity of the command then, m/s or rad/s.
+    """
+
+    input: Input
+    position: float
+    time: float
+    velocity: float
+
+
 class Seen:
     """The edges and latches of one run, in the *toward* frame.
 
     Attributes:
         edges: every edge whose way of travel is known; their places may still be refined.
-        latches: every latched position, with its input.
+        latches: every latched position.
         approach: where the last search for a switch going toward ended, None if there was none.
     """
 
@@ -76,13 +92,13 @@ class Seen:
 
     def __init__(self) -> None:
         self.edges: list[Edge] = []
-        self.latches: list[tuple[Input, float]] = []
+        self.latches: list[SeenLatch] = []
         self.approach: Mark | None = None
 
     def edge(self, edge: Edge) -> None:
         if len(self.edges) < MOST_SEEN:
             self.edges.append(edge)
 
-    def latch(self, source: Input, position: float) -> None:
+    def latch(self, source: Input, position: float, time: float, velocity: float) -> None:
         if len(self.latches) < MOST_SEEN:
-            self.latches.append((source, position))
+            self.latches.append(SeenLatch(source, position, time, velocity))

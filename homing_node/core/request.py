@@ -12,6 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from ..procedures.states import Error
 from .axis import Axis
+from .jog import Jog
 from .outcome import Outcome
 
 #: What a request waits for: inputs, and a controller, that are not there yet.
@@ -40,6 +41,7 @@ class Request:
         unready: Callable[[str], Outcome | None],
         ready_timeout: float = 0.0,
         verify: bool = False,
+        jog: Jog | None = None,
     ) -> None:
         self.groups = [tuple(group) for group in groups]
         self.owner = owner
@@ -47,6 +49,7 @@ class Request:
         self._axes, self._unready = axes, unready
         self._ready_timeout = ready_timeout
         self._verify = verify  # the homes are only compared
+        self._jog = jog  # the axes do not home, they jog
         self._since: float | None = None  # a group waits until it is ready
         self._waiting = list(self.groups)
         self._running: tuple[str, ...] = ()
@@ -96,7 +99,7 @@ class Request:
         """Record the runs that have ended; return whether the whole request has ended."""
         ended = [name for name in self._running if not self._axes[name].running]
         for name in ended:
-            self.outcomes[name] = self._axes[name].outcome
+            self.outcomes[name] = self._axes[name].ended
             if not self.outcomes[name].success:
                 self._stop_for(name)
         if ended:
@@ -131,12 +134,16 @@ class Request:
         del self._waiting[0]
         self._running = group
         for name in group:
-            self._axes[name].home(now, self._verify)
+            axis = self._axes[name]
+            axis.jog(now, self._jog) if self._jog else axis.home(now, self._verify)
 
     def _refusal(self, name: str, now: float) -> Outcome | None:
         if name in self._canceled:
             return self._cancellation(name, 'not started: canceled')
-        return self._unready(name) or self._axes[name].refusal(now, self._verify)
+        axis = self._axes[name]
+        if self._jog:
+            return self._unready(name) or axis.jog_refusal(now, self._jog)
+        return self._unready(name) or axis.refusal(now, self._verify)
 
     def _patience(self, name: str, refusal: Outcome) -> float:
         """Return how long to wait until what forbids a run has passed, s."""

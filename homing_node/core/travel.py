@@ -164,7 +164,8 @@ class Rules:
         self._before, self._entered = self._velocity, now
         self._velocity = max(p.pace(row.motion.pace)[0], abs(velocity))
         self._searches_end = Event.END_DETECTED in row.on
-        self._missed = ' and '.join(NOT_SEEN[event] for event in row.on if event in NOT_SEEN)
+        missed = [NOT_SEEN[event] for event in row.on if event in NOT_SEEN]
+        self._missed = ' and '.join(missed) or 'the axis did not arrive'
 
     def broken(
         self,

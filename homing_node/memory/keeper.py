@@ -191,7 +191,7 @@ class Keeper:
                 for edge in machine.seen.edges
             ]
             seen += [
-                (str(source), None, 0, sign * place, 0.0) for source, place in machine.seen.latches
+                (str(one.input), None, 0, sign * one.position, 0.0) for one in machine.seen.latches
             ]
             if machine.seen.approach is not None:
                 approach = sign * machine.seen.approach.position

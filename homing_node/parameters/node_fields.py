@@ -18,6 +18,7 @@ RECORD_FOLDER = '$ROS_HOME/homing/records'
 RESERVED = frozenset(
     {
         'home',
+        'jog',
         'cancel',
         'change_state',
         'coordinated',

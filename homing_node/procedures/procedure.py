@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from .events import Event
-from .motions import Bound, Motion
+from .motions import Bound, Kind, Motion
 from .states import LATCHES, HomeType, Input, LimitPair, Role
 from .steps import Step
 
@@ -65,6 +65,12 @@ class Procedure:
         object.__setattr__(self, 'first', next(iter(self.rows)))
         used = (event for row in self.rows.values() for event in row.on)
         object.__setattr__(self, 'events', frozenset(used))
+
+    @cached_property
+    def moves(self) -> bool:
+        """Whether the axis moves before it has found its reference."""
+        kinds = {row.motion.kind for row in self.rows.values()}
+        return not kinds.isdisjoint((Kind.SEARCH, Kind.APPROACH))
 
     @property
     def inputs(self) -> frozenset[Input]:

@@ -34,6 +34,7 @@ class State(TextEnum):
     Cancel = 'Cancel'
     Squaring = 'Squaring'
     Proving = 'Proving'
+    Jogging = 'Jogging'
 
 
 class HomeType(TextEnum):

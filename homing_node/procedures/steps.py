@@ -44,3 +44,8 @@ MECHANICAL_END_DETECTION = Step(State.MechanicalEndDetection)
 HOME_SHIFT = Step(State.HomeShift)
 HOME_SHIFT_MOVE = Step(State.HomeShift, 'move')
 HOMED = Step(State.Idle, 'homed')
+JOGGING = Step(State.Jogging)
+JOGGED = Step(State.Idle, 'jogged')
+
+#: A run ends with one of these.
+ENDS = (HOMED, JOGGED)

@@ -5,10 +5,13 @@ Used by the tests, the figures of the documentation and `homing run`. Time is si
 seconds takes milliseconds.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from ..core.axis import Axis, Setpoint
+from ..core.jog import Jog
+from ..core.outcome import Outcome
 from ..course import Course, Sample
 from ..parameters.axis import AxisParameters
 from ..plant.gantry import Plant
@@ -63,14 +66,22 @@ class Rehearsal(Link):
 
         Raises TimeoutError where the run has not ended by then.
         """
+        return self._run(self.axis.home, limit)
+
+    def jog(self, jog: Jog, limit: float = 1e4) -> Course:
+        """Jog the axis and run until it has ended; the rest is as in :meth:`home`."""
+        return self._run(partial(self.axis.jog, jog=jog), limit)
+
+    def _run(self, start: Callable[[float], Outcome | None], limit: float) -> Course:
+        """Start a run as soon as the axis rests, and let it end."""
         self._begin_course()
         for _ in range(5):
             self.cycle()
         patience = self.time + self.axis.parameters.rest_timeout
-        refusal = self.axis.home(self.time)
+        refusal = start(self.time)
         while refusal and refusal.error is Error.AxisMoving and self.time < patience:
             self.cycle()
-            refusal = self.axis.home(self.time)
+            refusal = start(self.time)
         if refusal is not None:
             self.course.outcome = refusal
             return self.course
@@ -84,7 +95,7 @@ class Rehearsal(Link):
             self.cycle()
             if self.time > end:
                 raise TimeoutError(f'the run has not ended within {limit:g} s ({self.axis.state})')
-        self.course.outcome = self.axis.outcome
+        self.course.outcome = self.axis.ended
         if machine is not None:
             self.course.arrows = machine.arrows
         return self.course

@@ -8,6 +8,7 @@ from typing import Any
 from ..core.axis import Axis
 from ..core.gantry_axis import GantryAxis
 from ..core.gantry_follower import Follower
+from ..core.jog import Jog
 from ..core.outcome import Outcome
 from ..parameters.axis import AxisParameters
 from ..procedures.states import Error
@@ -62,6 +63,7 @@ class GuardedAxis(Axis):
     warn = _guarded(Axis.warn)
     cancel = _guarded(Axis.cancel)
     resume = _guarded(Axis.resume)
+    deadman = _guarded(Axis.deadman)
     stop = _guarded(Axis.stop)
     cycles_were_missed = _guarded(Axis.cycles_were_missed)
     cycle_was_late = _guarded(Axis.cycle_was_late)
@@ -71,17 +73,24 @@ class GuardedAxis(Axis):
 
     def home(self, now: float, verify: bool = False) -> Outcome | None:
         """Start a run; return why it cannot start, None if it has."""
+        return self._started(lambda: super(GuardedAxis, self).home(now, verify))
+
+    def jog(self, now: float, jog: Jog) -> Outcome | None:
+        """Start a jog; return why it cannot start, None if it has."""
+        return self._started(lambda: super(GuardedAxis, self).jog(now, jog))
+
+    def _started(self, start: Callable[[], Outcome | None]) -> Outcome | None:
         try:
-            return super().home(now, verify)
+            return start()
         except Exception as error:
             self._break_off(error)
             self.abort(Error.InternalError, repr(error))
-            return self.outcome
+            return self.ended
 
     def _break_off(self, error: Exception) -> None:
         """Stop the run, if one is on; end it at once if it has raised before."""
-        first = self._broken_run != self.history.runs
-        self._broken_run = self.history.runs
+        first = self._broken_run != self.history.count
+        self._broken_run = self.history.count
         self.homed = False
         if first:
             self._report(f'axis {self.name} broke: {error!r}', error)

@@ -11,15 +11,15 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from homing_interfaces.action import Home
-from homing_interfaces.msg import AxisState, MemberState
+from homing_interfaces.action import Home, Jog
+from homing_interfaces.msg import AxisState, MemberState, SwitchEdge
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from ..core.axis import Axis
 from ..core.dispatch import DryRun
-from ..core.outcome import Outcome
+from ..core.outcome import Met, Outcome
 from ..parameters.definition import Definition
 from ..procedures.states import Error, State
 from .serialized import NS
@@ -116,11 +116,35 @@ def home_message(outcomes: Mapping[str, Outcome]) -> str:
     failure = first_failure(outcomes)
     if failure is not None:
         return _warned(f'{failure.error}: {failure.message}', failure)
+    if any(one.jogged for one in outcomes.values()):
+        return '; '.join(_jog_text(one) for one in outcomes.values())
     homes = {axis: _warned(_home_text(one), one) for axis, one in outcomes.items()}
     several = len(homes) > 1
     verified = all(one.verified is not None for one in outcomes.values())
     return ('Verified: ' if verified else 'Homed: ') + '; '.join(
         f'{axis}: {home}' if several else home for axis, home in homes.items()
+    )
+
+
+def _jog_text(outcome: Outcome) -> str:
+    """Say how far a jog went, and how much it has met."""
+    jogged = outcome.jogged
+    if jogged is None:
+        return ''
+    met = len(jogged.edges)
+    text = f'Jogged: {outcome.unit.length(jogged.distance, sign=True)}'
+    return _warned(f'{text}, {met} edge{"" if met == 1 else "s"} met' if met else text, outcome)
+
+
+def switch_edge(one: Met, stamp: int) -> SwitchEdge:
+    """Return a change of an input that a jog has met; ``stamp``: when, in ROS time, ns."""
+    return SwitchEdge(
+        stamp=to_stamp(stamp),
+        input=str(one.input),
+        level=bool(one.level),
+        position=float(one.position),
+        uncertainty=float(one.uncertainty),
+        velocity=float(one.velocity),
     )
 
 
@@ -219,6 +243,12 @@ def feedback(stamp: int, axes: Sequence[Axis]) -> Home.Feedback:
         message.distance_traveled.append(float(traveled))
         message.distance_bound.append(float(bound) if math.isfinite(bound) else 0.0)
     return message
+
+
+def jog_feedback(stamp: int, axes: Sequence[Axis]) -> Jog.Feedback:
+    """Return how far the axis of a jog has to go."""
+    (axis,) = axes
+    return Jog.Feedback(state=axis_state(stamp, axis), distance_to_go=float(axis.distance_to_go))
 
 
 def diagnostics(

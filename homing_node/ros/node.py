@@ -38,6 +38,7 @@ from .guarded_axis import GuardedAxis, GuardedGantry
 from .handovers import Handovers
 from .input_status import InputStatus
 from .inputs import Inputs
+from .jogging import Jogs
 from .joint_order import JointOrder
 from .locks import Permissions
 from .markers import Markers
@@ -281,6 +282,16 @@ class HomingNode(ConfiguredNode):
                 cancel_callback=cancel,
             )
 
+        self._jogs = Jogs(
+            self,
+            self._axes,
+            services,
+            self._reports,
+            self._timebase,
+            self._lock,
+            self._waits.pause,
+            group,
+        )
         self._actions = [
             act('~/home', services.execute),
             *(act(f'~/{name}/verify', services.verify(name)) for name in self._axes),

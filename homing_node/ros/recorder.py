@@ -113,7 +113,7 @@ class Recorder:
         """
         if self.folder is None:
             return
-        tap, runs = self.open.get(axis.name), axis.history.runs
+        tap, runs = self.open.get(axis.name), axis.history.count
         if tap is None:
             before = self._runs.setdefault(axis.name, 0)
             if not axis.moving and runs == before:
@@ -143,10 +143,11 @@ class Recorder:
 
     def _end(self, tap: Tap) -> None:
         axis = tap.axis
-        outcome = axis.outcome
+        outcome = axis.ended
         well = 'Homed' if outcome.verified is None else 'Verified'
+        well = 'Jogged' if outcome.jogged else well
         tap.end(well if outcome.success else str(outcome.error))
-        self._runs[axis.name] = axis.history.runs
+        self._runs[axis.name] = axis.history.count
         del self.open[axis.name]
         self._wake.set()
 

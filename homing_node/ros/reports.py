@@ -99,7 +99,8 @@ class Reports:
         self._levels = {name: axis.levels for name, axis in axes.items()}
         self._last = {name: LastReport() for name in axes}
         self._turns = {True: 0, False: 0}  # the next of the running axes, and of the others
-        self._goals: dict[bytes, tuple[Any, list[Axis]]] = {}  # of the action
+        # The goals of the actions, their axes, and what makes their feedback.
+        self._goals: dict[bytes, tuple[Any, list[Axis], Callable[..., Any]]] = {}
         self._gate = threading.Lock()  # of `_over`
         self._over = False  # nothing is published any more
 
@@ -114,9 +115,9 @@ class Reports:
             return False
         last.changes = changes
         name, put = axis.name, self._queue.put
-        if last.runs != axis.history.runs and not axis.handing_over:
-            last.runs = axis.history.runs
-            put((partial(self._log, name), axis.outcome))
+        if last.runs != axis.history.count and not axis.handing_over:
+            last.runs = axis.history.count
+            put((partial(self._log, name), axis.ended))
         state = (axis.state, axis.paused, axis.homed, axis.error, axis.message, axis.outcome)
         if last.state != state:
             last.state = state
@@ -187,12 +188,21 @@ class Reports:
             if isinstance(item, Afterwards):
                 item.action(item.argument)
 
-    def follow(self, goal: Any, names: Sequence[str]) -> None:
-        """Send a goal of the action feedback about its axes from now on."""
+    def follow(
+        self,
+        goal: Any,
+        names: Sequence[str],
+        feedback: Callable[[int, Sequence[Axis]], Any] = messages.feedback,
+    ) -> None:
+        """Send a goal of an action feedback about its axes from now on.
+
+        ``feedback`` makes the message of a stamp and the axes.
+        """
         with self._lock:
             self._goals[bytes(goal.goal_id.uuid)] = (
                 goal,
                 [self._axes[name] for name in names if name in self._axes],
+                feedback,
             )
 
     def unfollow(self, goal: Any) -> None:
@@ -202,7 +212,7 @@ class Reports:
 
     def runs(self, names: Sequence[str]) -> dict[str, int]:
         """Return how many runs of some axes have ended; the lock is held."""
-        return {name: self._axes[name].history.runs for name in names}
+        return {name: self._axes[name].history.count for name in names}
 
     def states(self, names: Sequence[str]) -> list[Any]:
         """Return the state messages of those axes that exist; the lock is held."""
@@ -261,8 +271,8 @@ class Reports:
 
     def _feedback(self) -> float:
         stamp = self._stamp()
-        for goal, axes in self._goals.values():
-            self._queue.put((goal.publish_feedback, messages.feedback(stamp, axes)))
+        for goal, axes, feedback in self._goals.values():
+            self._queue.put((goal.publish_feedback, feedback(stamp, axes)))
         return STATE_PERIOD
 
     def _joint_states(self) -> float:

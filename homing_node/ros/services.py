@@ -7,8 +7,8 @@ answering. The cycle decides when a wait ends; a callback of the executor sets t
 """
 
 import threading
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from homing_interfaces.action import Home
 from rclpy.task import Future
@@ -16,6 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from ..core.axis import Axis
 from ..core.dispatch import Dispatch
+from ..core.jog import Jog
 from ..core.outcome import Outcome
 from ..core.request import Request
 from ..memory.expected import longest
@@ -27,6 +28,22 @@ from .timebase import TimeBase
 
 #: How much later than its acceptance a goal is executed, s.
 ACCEPTANCE = 0.1
+
+
+class Started(NamedTuple):
+    """A request that was started.
+
+    Attributes:
+        owner: Who asked, for the log.
+        request: The request.
+        future: What to await its end with; None: it has ended.
+        runs: How many runs of each axis had ended before.
+    """
+
+    owner: str
+    request: Request
+    future: Future | None
+    runs: Mapping[str, int]
 
 
 class Services:
@@ -72,7 +89,7 @@ class Services:
             with self._lock:
                 moving, waiting, future = self._dispatch.cancel(names)
             self._logger.info(f'asked to cancel {", ".join(names)}')
-            await self._wait(future)
+            await self.wait(future)
             response.success = True
             response.message = messages.cancel_message(moving, waiting)
             return response
@@ -132,8 +149,8 @@ class Services:
         cancels at Ctrl-C only a goal whose status it knows. The two take different ways, so the
         status EXECUTING leaves later. A dry run ends at once: nobody cancels it.
         """
-        if not goal.request.dry_run:
-            await self._wait(self._pause(ACCEPTANCE))
+        if not getattr(goal.request, 'dry_run', False):
+            await self.wait(self._pause(ACCEPTANCE))
         goal.execute()
 
     async def execute(self, goal: Any) -> Home.Result:
@@ -212,29 +229,45 @@ class Services:
         """Home some axes and return how each of them ended, or by '' why none was started."""
         if canceled:
             return {'': Outcome(Error.Canceled, 'canceled before anything moved')}
+        started = self.start(names, owner, verify)
+        if isinstance(started, Outcome):
+            return {'': started}
+        if key:
+            self._goals[key] = started.request
+        return await self.ended(started)
+
+    def start(
+        self, names: Sequence[str], owner: str, verify: bool = False, jog: Jog | None = None
+    ) -> 'Outcome | Started':
+        """Start homing, or a jog; return why not, or what was started.
+
+        The executor runs this, and cancels: no cancel can come between this and its answer.
+        """
         with self._lock:
             self._poll()
             self._memories.look()
-            started = self._dispatch.home(names, owner, self._timebase.polled, verify)
+            started = self._dispatch.home(names, owner, self._timebase.polled, verify, jog)
             if isinstance(started, Outcome):
-                refused = f'{owner} refused: {started.error}: {started.message}'
-                self._logger.warning(refused)
-                return {'': started}
+                self._logger.warning(f'{owner} refused: {started.error}: {started.message}')
+                return started
             runs = self._reports.runs(started.names)
             future = self._dispatch.waiter(started)
-            if key:
-                self._goals[key] = started
         self._logger.info(f'{owner} asked for {", ".join(started.names)}')
-        await self._wait(future)
-        outcomes = {name: started.outcomes[name] for name in started.names}
+        return Started(owner, started, future, runs)
+
+    async def ended(self, started: 'Started') -> dict[str, Outcome]:
+        """Wait for the end of a request; return how it has ended for each of its axes."""
+        owner, request, future, runs = started
+        await self.wait(future)
+        outcomes = {name: request.outcomes[name] for name in request.names}
         with self._lock:
-            after = self._reports.runs(started.names)
+            after = self._reports.runs(request.names)
         for name, outcome in outcomes.items():
             if not outcome.success and after[name] == runs[name]:  # no run tells it
                 self._logger.warning(f'{owner} refused: {outcome.error}: {outcome.message}')
         return outcomes
 
-    async def _wait(self, future: Future | None) -> None:
+    async def wait(self, future: Future | None) -> None:
         """Wait for a future, if there is anything to wait for."""
         if future is None:
             return
