@@ -117,8 +117,8 @@ class Tap:
             if self._servo is not None:
                 self._read(now, Input.SERVO_ENABLED, self._servo)
         if self._seen is not None and len(self._seen.latches) != self._latches:
-            for source, position in self._seen.latches[self._latches :]:
-                self._read(now, source, self._sign * position)
+            for one in self._seen.latches[self._latches :]:
+                self._read(now, one.input, self._sign * one.position)
             self._latches = len(self._seen.latches)
 
     def state(self, stamp: int, message: Any) -> None:
