@@ -201,7 +201,7 @@ def test_watch(world, homing, monkeypatch):
     )
     first = [piped.stdout.readline()]
     world.client.home('x')
-    while 'homed' not in first[-1] or ' s  x: ' not in first[-1]:
+    while not first[-1].endswith(' s  x: homed\n'):
         first.append(piped.stdout.readline())
     piped.send_signal(signal.SIGINT)
     _, err = piped.communicate(timeout=ros.PATIENCE)

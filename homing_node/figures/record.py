@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core.outcome import MemberHome, Outcome
+from ..core.outcome import Jogged, MemberHome, Met, Outcome
 from ..course import Course, Happening, Sample
 from ..procedures.events import Event
 from ..procedures.states import LATCHES, Error, Input, State
@@ -150,8 +150,16 @@ def _outcome(told: Mapping[str, Any] | None) -> Outcome | None:
         'error': Error(told['error']),
         'warnings': tuple(told.get('warnings', ())),
         'members': tuple(MemberHome(*member) for member in told.get('members', ())),
+        'jogged': _jogged(told.get('jogged')),
     }
     return Outcome(**{**told, **values})
+
+
+def _jogged(told: Any) -> Jogged | None:
+    if told is None:
+        return None
+    distance, edges = told
+    return Jogged(distance, tuple(Met(time, Input(name), *rest) for time, name, *rest in edges))
 
 
 def _happening(time: float, name: str, value: float, position: float) -> Happening:
