@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homing_node.core.outcome import MemberHome, Outcome
+from homing_node.core.outcome import Jogged, MemberHome, Met, Outcome
 from homing_node.course import Course, Happening, Sample
 from homing_node.figures import record
 from homing_node.procedures.states import HomeType, Input, State
@@ -58,6 +58,14 @@ def test_a_course_comes_back(tmp_path, suffix, home_type):
         Outcome,
         warnings=st.lists(st.text()).map(tuple),
         members=st.lists(st.builds(MemberHome, st.text(), st.text(), *[REAL] * 5)).map(tuple),
+        jogged=st.none()
+        | st.builds(
+            Jogged,
+            REAL,
+            st.lists(st.builds(Met, REAL, st.sampled_from(Input), st.booleans(), *[REAL] * 3)).map(
+                tuple
+            ),
+        ),
         **{name: REALS[kind] for name, kind in Outcome.__annotations__.items() if kind in REALS},
     ),
     title=st.text(),
