@@ -89,6 +89,7 @@ docs: venv
 	$(VENV)/bin/python scripts/methods.py
 	$(VENV)/bin/python scripts/reference.py
 	$(VENV)/bin/python scripts/edges.py
+	$(VENV)/bin/python scripts/gantry.py
 	$(VENV)/bin/python scripts/faults.py --write
 
 workspace:
