@@ -13,6 +13,7 @@ NAMES = (
     'homing_time',
     'setpoints',
     'cycle',
+    'record',
     'reaction',
     'start',
     'relay',

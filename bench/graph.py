@@ -146,6 +146,7 @@ class World:
             'ROS_DOMAIN_ID': str(self.domain),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
             'ROS_LOG_DIR': str(self.folder / 'log'),
+            'ROS_HOME': str(self.folder / 'ros_home'),
         }
         for ours in 'ROS_PYTHON_CHECK_FIELDS', 'FASTRTPS_DEFAULT_PROFILES_FILE':
             environment.pop(ours, None)
@@ -171,12 +172,15 @@ class World:
                 child.kill()
                 child.wait()
 
-    def homing_node(self, rate: float, grid: Path | None = None) -> Any:
-        """Run the homing node with all axes; ``grid``: save there when its cycles were due."""
+    def homing_node(self, rate: float, grid: Path | None = None, *more: str) -> Any:
+        """Run the homing node with all axes.
+
+        ``grid``: save there when its cycles were due; ``more``: further arguments.
+        """
         file = self.folder / 'parameters.yaml'
         file.write_text(parameters(len(self.names), rate))
         command = ['under_test.py', str(grid)] if grid else [str(EXECUTABLE)]
-        return self.running(*command, '--ros-args', '--params-file', str(file))
+        return self.running(*command, '--ros-args', '--params-file', str(file), *more)
 
     # ------------------------------------------------------------------------------------- clients
 

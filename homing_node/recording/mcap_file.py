@@ -8,6 +8,7 @@ not change are packed all at once by NumPy; what is rare is written by the libra
 Source of the format: mcap.dev/spec, version 0.
 """
 
+import struct
 import zlib
 from collections.abc import Iterator, Mapping
 from typing import BinaryIO
@@ -46,9 +47,8 @@ HEAD = np.dtype(
 )
 #: The opcode and the length of a record, which its length does not count.
 PREFIX = 9
-#: What an entry of the index of a chunk holds.
-ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])
-INDEX_HEAD = np.dtype([('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('size', '<u4')])
+MESSAGE = struct.Struct('<BQHIQQ')
+INDEX_HEAD = struct.Struct('<BQHI')
 #: The quickest compression: the values of one topic follow each other, and pack well anyhow.
 COMPRESSION = 'lz4'
 
@@ -111,8 +111,9 @@ class McapFile:
 
     def add(self, channel: int, logged: int, published: int, data: bytes) -> None:
         """Add a message; the times are in ns, the data are CDR."""
-        rows = np.frombuffer(data, np.uint8)[np.newaxis]
-        self.add_block(channel, np.array([logged]), np.array([published]), rows)
+        length, number = MESSAGE.size - PREFIX + len(data), self._counts[channel]
+        head = MESSAGE.pack(Opcode.MESSAGE, length, channel, number, logged, published)
+        self._keep(channel, np.array([[logged, self._size]], np.int64), head + data, 1)
 
     def add_block(
         self, channel: int, logged: Times, published: Times, rows: NDArray[np.uint8]
@@ -138,13 +139,10 @@ class McapFile:
         head['log_time'], head['publish_time'] = logged, published
         block[:, : HEAD.itemsize] = head.view(np.uint8).reshape(count, HEAD.itemsize)
         block[:, HEAD.itemsize :] = rows
-        entries = np.empty(count, ENTRY)
-        entries['log_time'] = logged
-        entries['offset'] = self._size + size * np.arange(count)
-        self._index.setdefault(channel, []).append(entries)
-        self._parts.append(block.tobytes())
-        self._size += count * size
-        self._counts[channel] += count
+        entries = np.empty((count, 2), np.int64)
+        entries[:, 0] = logged
+        entries[:, 1] = self._size + size * np.arange(count)
+        self._keep(channel, entries, block.tobytes(), count)
 
     def flush(self) -> None:
         """Write what was added since the last time as a chunk.
@@ -208,17 +206,24 @@ class McapFile:
         yield Opcode.CHUNK_INDEX, list(self._chunks)
         yield Opcode.METADATA_INDEX, list(self._metadata)
 
+    def _keep(self, channel: int, entries: Times, data: bytes, count: int) -> None:
+        """Keep messages for the next chunk, and the time and the place of each for its index."""
+        self._index.setdefault(channel, []).append(entries)
+        self._parts.append(data)
+        self._size += len(data)
+        self._counts[channel] += count
+
     def _begin_chunk(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
-        self._index: dict[int, list[NDArray[np.void]]] = {}
+        self._index: dict[int, list[Times]] = {}
 
     def _write_chunk(self) -> None:
         data = b''.join(self._parts)
         found = {channel: np.concatenate(parts) for channel, parts in self._index.items()}
         self._begin_chunk()
-        first = min(int(entries['log_time'].min()) for entries in found.values())
-        last = max(int(entries['log_time'].max()) for entries in found.values())
+        first = min(int(entries[:, 0].min()) for entries in found.values())
+        last = max(int(entries[:, 0].max()) for entries in found.values())
         self._first = min(first, self._first or first)
         self._last = max(last, self._last)
         packed = lz4.frame.compress(data)
@@ -267,20 +272,16 @@ def _bytes_of(builder: RecordBuilder) -> bytes:
     return data
 
 
-def _in_order(entries: NDArray[np.void]) -> NDArray[np.void]:
+def _in_order(entries: Times) -> Times:
     """Return the entries of an index in the order of their times; mostly they are already."""
-    times = entries['log_time']
+    times = entries[:, 0]
     if (times[1:] >= times[:-1]).all():
         return entries
-    ordered: NDArray[np.void] = entries[np.argsort(times, kind='stable')]
-    return ordered
+    return entries[np.argsort(times, kind='stable')]
 
 
-def _index_record(channel: int, entries: NDArray[np.void]) -> bytes:
+def _index_record(channel: int, entries: Times) -> bytes:
     """Return the record that tells where the messages of a channel are in a chunk."""
-    head = np.zeros(1, INDEX_HEAD)
-    head['opcode'] = Opcode.MESSAGE_INDEX
-    head['length'] = INDEX_HEAD.itemsize - PREFIX + entries.nbytes
-    head['channel'] = channel
-    head['size'] = entries.nbytes
-    return head.tobytes() + entries.tobytes()
+    data = entries.astype('<u8').tobytes()
+    length = INDEX_HEAD.size - PREFIX + len(data)
+    return INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, length, channel, len(data)) + data

@@ -32,7 +32,7 @@ else:
     MISSING = ''
 
 #: How often what was noted is written, s: so much is missing after a `kill -9`.
-WRITE_PERIOD = 0.5
+WRITE_PERIOD = 1.0
 #: Runs that have ended and wait for the disk; more are not recorded.
 MOST_ENDED = 8
 #: The node waits so long for the disk when it ends, s.
