@@ -212,6 +212,21 @@ def test_the_axes_home_in_steps():
     assert not errors(request)
 
 
+def test_a_state_that_a_result_has_overtaken_undoes_no_step():
+    rig = Rig(auto=False)
+    rig.home()
+    rig.accept('cell1/z', 'cell2/z')
+    rig.run(1.0)
+    rig.end('cell1/z')
+    rig.core.state('cell1/z', Seen(False, False, stamp=rig.now - 0.1), rig.now)
+    rig.end('cell2/z')
+    rig.answer()
+    assert rig.started()[2:] == ['cell1/x', 'cell2/y']
+    # A clock that was set back does not make the coordinator deaf.
+    rig.core.state('cell1/z', Seen(False, True, stamp=rig.now - 60.0), rig.now)
+    assert rig.core.locks('cell2', rig.now)['cell2/y'] == 'cell1/z is not homed'
+
+
 def test_at_most_so_many_axes_home_at_once():
     rig = Rig(auto=False, at_once=1)
     rig.home()
