@@ -9,11 +9,11 @@ from setuptools import find_packages, setup
 
 package = 'homing_node'
 executables = {
-    'homing_node': 'homing_node.ros.main:main',
-    'homing_coordinator': 'homing_node.ros.coordinator:main',
-    'homed_axes': 'homing_node.ros.homed_axes:main',
-    'simulated_axes': 'homing_node.ros.simulated_axes:main',
-    'homing': 'homing_node.cli:main',
+    'homing_node': 'homing_node.start:homing_node',
+    'homing_coordinator': 'homing_node.start:homing_coordinator',
+    'homed_axes': 'homing_node.start:homed_axes',
+    'simulated_axes': 'homing_node.start:simulated_axes',
+    'homing': 'homing_node.start:homing',
 }
 data_files = [
     ('share/ament_index/resource_index/packages', [f'resource/{package}']),

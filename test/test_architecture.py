@@ -31,6 +31,7 @@ ROOMS = [
     'ros',
     'client',
     'cli',
+    'start',
 ]
 #: Rooms that have no ROS, no clock, no thread and no I/O.
 PURE = [
