@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages and descriptors."""
 
+import re
 from types import SimpleNamespace
 
 import pytest
@@ -38,7 +39,14 @@ def test_members_of_a_gantry():
         ('y', 'y1', 0.0),
         ('y2', 'y2', 0.0),
     ]
-    assert gantry.home().success
+    outcome = gantry.home()
+    told = messages.home_message({'y': outcome})
+    assert re.search(r'^Homed: home_position_raw=0\.06.* y2: squareness=\S+ µm ± ', told), told
+    shown = messages.diagnostics(0, '/node', [gantry.axis], lambda _: {}).status[0].values
+    assert {'y2.squareness', 'y2.skew'} <= {one.key for one in shown}
+    state = messages.axis_state(0, gantry.axis)
+    assert state.inputs[3:] == [f'y2.{name}' for name in state.inputs[:3]]
+    assert len(state.levels) == 6
     leader, follower = messages.axis_state(0, gantry.axis).members
     assert (leader.skew, leader.squareness) == (0.0, 0.0)
     assert follower.skew == pytest.approx(-0.001, abs=1e-4)

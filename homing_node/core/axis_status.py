@@ -2,7 +2,7 @@
 """What is published of an axis, read from its inputs, its run and its last outcome."""
 
 from ..parameters.axis import AxisParameters
-from ..procedures.states import Error, Input, State
+from ..procedures.states import Error, State
 from .handover import Handover
 from .history import History
 from .machine import Machine
@@ -135,14 +135,9 @@ class AxisStatus:
         return self._sign * (profile.commanded(age + profile.period) - track.position)
 
     @property
-    def levels(self) -> list[tuple[Input, bool | None]]:
+    def levels(self) -> list[tuple[str, bool | None]]:
         """Each wired input and its level after polarity; None: not known, or it is a latch."""
-        readings, found = self.readings, []
-        for one in self.parameters.inputs:
-            switch = readings.switches.get(one)
-            level = None if switch is None else switch.level
-            found.append((one, readings.servo_enabled if one is Input.SERVO_ENABLED else level))
-        return found
+        return [(str(source), level) for source, level in self.readings.levels]
 
     @property
     def home_position_raw(self) -> float:

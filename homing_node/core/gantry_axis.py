@@ -300,6 +300,15 @@ class GantryAxis(Axis):
     # ------------------------------------------------------------------------------ what is shown
 
     @property
+    def levels(self) -> list[tuple[str, bool | None]]:
+        """The levels of the leader's inputs, then of the followers', such as y2.home_switch."""
+        return super().levels + [
+            (f'{follower.short}.{source}', level)
+            for follower in self.followers
+            for source, level in follower.readings.levels
+        ]
+
+    @property
     def members(self) -> tuple[MemberHome, ...]:
         """The drives of the gantry as they are now, the leader first."""
         if self._run is not None:
@@ -313,9 +322,7 @@ class GantryAxis(Axis):
     def _members_at_rest(self) -> tuple[MemberHome, ...]:
         """Return the drives before the first run."""
         first = MemberHome(self.name, self.parameters.joint or self.name)
-        return first, *(
-            MemberHome(one.name.partition('.')[2], one.parameters.joint) for one in self.followers
-        )
+        return first, *(MemberHome(one.short, one.parameters.joint) for one in self.followers)
 
     def homed_position_of(self, follower: Follower) -> float:
         """Return where a follower is in the homed coordinates of the gantry, as it is now homed.

@@ -50,6 +50,7 @@ class Follower:
 
     Attributes:
         name: its full name, such as y.y2.
+        short: its name in `followers`, such as y2.
         parameters: its parameters.
         readings: what it has received.
         offset: its command less the leader's, as long as it has no path of its own.
@@ -64,6 +65,7 @@ class Follower:
 
     def __init__(self, name: str, parameters: AxisParameters, leader: Leader) -> None:
         self.name, self.parameters, self._leader = name, parameters, leader
+        self.short = name.partition('.')[2]
         self.readings = Readings(parameters)
         self.sign = parameters.home_direction.sign
         self.offset = 0.0

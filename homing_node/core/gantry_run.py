@@ -103,7 +103,7 @@ class GantryRun:
         error = self.squareness.errors.get(side)
         skew = self.rules.skew(side, side.at_start)[0] if follower else 0.0
         return MemberHome(
-            side.name.partition('.')[2] if follower else side.name,
+            follower.short if follower else side.name,
             side.parameters.joint or side.name,
             own * side.track.position,
             sign * skew,

@@ -97,6 +97,16 @@ class Readings:
         return None if known is None else known.signal
 
     @property
+    def levels(self) -> list[tuple[Input, bool | None]]:
+        """Each wired input and its level after polarity; None: not known, or it is a latch."""
+        found = []
+        for one in self._parameters.inputs:
+            switch = self.switches.get(one)
+            level = None if switch is None else switch.level
+            found.append((one, self.servo_enabled if one is Input.SERVO_ENABLED else level))
+        return found
+
+    @property
     def known(self) -> bool:
         """Whether a feedback was ever received."""
         return self.arrival > NEVER

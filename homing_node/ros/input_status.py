@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from ..core.axis import Axis
 from ..core.readings import NEVER
 from ..parameters.wiring import Place, Wiring
+from ..procedures.states import Input
 from .timebase import TimeBase
 
 WORDS = {False: 'off', True: 'on', None: 'unknown'}
@@ -19,15 +20,17 @@ class InputStatus:
 
     def of(self, axis: Axis) -> Mapping[str, str]:
         """Return, by input: its level, its age, how often it comes, its source; with commas."""
-        signals, switches = self._wiring().signals, axis.readings.switches
+        signals = self._wiring().signals
         lines = {}
-        for source, level in axis.levels:
-            switch = switches.get(source)
+        for name, level in axis.levels:
+            follower, _, source = name.rpartition('.')
+            drive = axis.drives[f'{axis.name}.{follower}' if follower else axis.name]
+            switch = drive.readings.switches.get(Input(source))
             age = rate = '-'
             if switch is not None and switch.seen > NEVER:
                 age = f'{max(0.0, self._clock.now - switch.seen):.3f} s'
                 interval = switch.messages.interval
                 rate = f'{1.0 / interval:.3g} Hz' if interval else 'on change'
-            signal = signals.get(Place(axis.name, source), '-')
-            lines[str(source)] = f'{WORDS[level]}, {age}, {rate}, {signal}'
+            signal = signals.get(Place(drive.name, Input(source)), '-')
+            lines[name] = f'{WORDS[level]}, {age}, {rate}, {signal}'
         return lines

@@ -168,6 +168,9 @@ def _home_text(outcome: Outcome) -> str:
         text += f' applied={place(outcome.applied, unsure)} {unit}'
     if outcome.index_margin is not None:
         text += f' index_margin={outcome.index_margin:.3f}'
+    for one in outcome.members[1:]:
+        square = f'{unit.length(one.squareness, sign=True)} ± {unit.length(one.uncertainty)}'
+        text += f' {one.name}: squareness={square}' if one.uncertainty else ''
     return f'{text}, {outcome.duration:.2f} s' if outcome.duration else text
 
 
@@ -227,7 +230,7 @@ def axis_state(stamp: int, axis: Axis) -> AxisState:
         home_source=axis.home_source if axis.homed else 'none',
         command=float(axis.command),
         following_error=float(axis.following_error),
-        inputs=[str(one) for one, _ in levels],
+        inputs=[name for name, _ in levels],
         levels=[LEVELS[level] for _, level in levels],
         members=[MemberState(**member._asdict()) for member in axis.members],
     )
@@ -295,6 +298,8 @@ def _diagnostic(node: str, axis: Axis, inputs: Mapping[str, str]) -> DiagnosticS
         'home_range': history.range,
         'home_deviation': history.deviation,
         'memory': '; '.join(axis.notes),
+        **{f'{one.name}.squareness': one.squareness for one in axis.members[1:]},
+        **{f'{one.name}.skew': one.skew for one in axis.members[1:]},
         **inputs,
     }
     return DiagnosticStatus(
