@@ -176,7 +176,7 @@ def test_one_switch_stuck_on_at_start(home_type):
     gantry = Gantry(home_type, (SideRig(), SideRig(stuck={switch: True})))
     message = failed(gantry, Error.FollowerSwitchMissing)
     assert 'of y.y2 did not fall' in message
-    assert abs(gantry.samples[-1].physical[0] - 0.05) < 0.012
+    assert abs(gantry.samples[-1].physical[0] - 0.05) < 0.012 + 0.2 * 0.02
 
 
 @pytest.mark.parametrize('home_type', ['HSHS', 'HSOff', 'HSOffReverse'])

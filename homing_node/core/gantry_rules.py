@@ -10,6 +10,7 @@ Positions are in the *toward* frame, m or rad; times in s are passed in.
 """
 
 from collections.abc import Sequence
+from math import inf
 
 from ..parameters.axis import AxisParameters
 from ..procedures.events import Event
@@ -26,6 +27,9 @@ from .track import Track
 
 #: A message of a switch may be so late, s: before that its edge is not missing.
 LATE = 0.05
+#: And it is missing once that has lasted, s: after a busy moment of the machine the feedback is
+#: there before the messages of the switches.
+PERSISTS = 0.02
 
 
 class GantryRules:
@@ -54,6 +58,7 @@ class GantryRules:
         self._leader, self._followers = sides[0], sides[1:]
         self._began = self._leader.track.position
         self.largest_skew = 0.0
+        self._missed = inf  # since when a reference is missing, s
 
     def broken(self, machine: Machine, now: float) -> Failure | None:
         """Return the rule that is broken, None while all hold."""
@@ -76,7 +81,14 @@ class GantryRules:
                 failure = self._lagging(side, behind, machine, now)
                 if failure is not None:
                     return failure
-        return self._missing(machine)
+        missing = self._missing(machine)
+        if missing is None:
+            self._missed = inf
+        elif self._missed == inf:
+            self._missed = now
+        elif now - self._missed >= PERSISTS:
+            return missing
+        return None
 
     def skew(self, side: Side, apart: float) -> tuple[float, float]:
         """Return how far a side is ahead of the leader, and how far that may be off.
