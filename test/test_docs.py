@@ -8,6 +8,7 @@ PyPI: names and types are looked up in the graph, goals are made of the YAML, pa
 import ast
 import dataclasses
 import importlib.util
+import math
 import os
 import re
 import shlex
@@ -39,6 +40,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DOC = ROOT / 'doc'
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted(DOC.rglob('*.md'))]
 README = ROOT / 'README.md'
+GUIDE = DOC / 'guide.md'
 TUTORIAL = DOC / 'tutorial.md'
 ROS_INTERFACE = DOC / 'ros_interface.md'
 
@@ -130,7 +132,7 @@ def test_yaml(block, tmp_path):
 
 def test_homing_commands(tmp_path, monkeypatch, capsys):
     """What other pages than the tutorial show of the command line works on README's axis."""
-    pages = [b.text for b in BLOCKS if b.language == 'bash' and b.page != TUTORIAL]
+    pages = [b.text for b in BLOCKS if b.language == 'bash' and b.page not in (TUTORIAL, GUIDE)]
     found = [
         shlex.split(line, comments=True)
         for text in pages
@@ -167,25 +169,28 @@ def test_homing_commands(tmp_path, monkeypatch, capsys):
             assert main(words[1:]) == 0, (words, capsys.readouterr().out)
 
 
-@pytest.mark.long
-def test_the_tutorial(tmp_path):
-    """Every block in its order: files are written, commands run, the axis homes."""
-    script = ['set -em']
-    for block in blocks_of(TUTORIAL):
+def parts_of(page):
+    """Yield the blocks of a page as parts of one script; a block of YAML or Python is a file."""
+    text = page.read_text()
+    for block in blocks_of(page):
         if block.language == 'bash':
-            script.append(block.text.replace('make venv\n. .venv/bin/activate\n', ''))
+            yield block.text.replace('make venv\n. .venv/bin/activate\n', '')
         else:
-            before = TUTORIAL.read_text()[: TUTORIAL.read_text().index(block.text)]
+            before = text[: text.index(block.text)]
             name = re.findall(r'`(\w+\.(?:yaml|py))`', before)[-1]
-            script.append(f"cat > {name} <<'END'\n{block.text}END\n")
+            yield f"cat > {name} <<'END'\n{block.text}END\n"
+
+
+def pasted(script, folder, timeout):
+    """Run a script in a domain of its own; return what it said."""
     domain = ros.Domain()
     try:
         ran = subprocess.run(
             ['bash', '-c', '\n'.join(script)],
-            cwd=tmp_path,
+            cwd=folder,
             capture_output=True,
             text=True,
-            timeout=90,
+            timeout=timeout,
             check=False,
             env={
                 **os.environ,
@@ -197,6 +202,13 @@ def test_the_tutorial(tmp_path):
         domain.release()
     output = ran.stdout + ran.stderr
     assert ran.returncode == 0, output
+    return output
+
+
+@pytest.mark.long
+def test_the_tutorial(tmp_path):
+    """Every block in its order: files are written, commands run, the axis homes."""
+    output = pasted(['set -em', *parts_of(TUTORIAL)], tmp_path, 90)
     assert 'not good enough yet' in output
     assert 'axes.yaml: nothing found' in output
     assert '101 homed, 0 failed' in output
@@ -204,6 +216,37 @@ def test_the_tutorial(tmp_path):
     assert float(home[1]) == pytest.approx(0.25, abs=1e-5)
     made = {path.name for path in (tmp_path / 'my_machine').iterdir()}
     assert {'run.npz', 'run.png', 'starts.png', 'HSHS.svg'} <= made
+
+
+@pytest.mark.long
+def test_the_guide(tmp_path):
+    """Every block in its order: the machine that is found is the one that was hidden."""
+    script = ['set -em', *parts_of(GUIDE)]
+    (tmp_path / 'config').mkdir()
+    hidden = ROOT / 'config' / 'simulated_axes.yaml'
+    (tmp_path / 'config' / hidden.name).write_text(hidden.read_text())
+    output = pasted(script, tmp_path, 200)
+    homes = re.findall(r'home_position_raw=(\S+)', output)
+    assert len(homes) >= 2 and 'Verified: ' in output, output
+    true = layout_file.load(hidden).layouts['x']
+    path = tmp_path / 'my_machine' / 'machine.yaml'
+    found, told = layout_file.load(path).layouts['x'], path.read_text()
+    for name, low, high in (
+        ('home_switch', true.switches['home_switch'].on_from, true.switches['home_switch'].on_to),
+        ('positive_limit_switch', true.switches['positive_limit_switch'].on_from, math.inf),
+        ('negative_limit_switch', -math.inf, true.switches['negative_limit_switch'].on_to),
+    ):
+        flag = found.switches[name]
+        for place, seen in ((low, flag.on_from), (high, flag.on_to)):
+            assert seen == place or abs(seen - place) <= stated(told, name), (name, told)
+    assert abs(float(homes[0]) - true.switches['home_switch'].on_from) < 1e-4
+
+
+def stated(told, name):
+    """Return how far the numbers of a key may be off, as the comment behind them says, m."""
+    line = next(line for line in told.splitlines() if line.strip().startswith(f'{name}:'))
+    units = {'nm': 1e-9, 'µm': 1e-6, 'mm': 1e-3, 'm': 1.0}
+    return max(float(n) * units[unit] for n, unit in re.findall(r'± (\S+) ([nµm]?m)\b', line))
 
 
 def test_make_targets_exist():

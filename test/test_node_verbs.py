@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verbs of `homing` that talk to a running node, in a namespace."""
 
+import io
 import json
 import os
 import pty
@@ -15,6 +16,7 @@ from homing_interfaces.msg import AxisState
 
 from homing_node.cli import main
 from homing_node.client import HomingClient
+from homing_node.plant import layout_file
 
 NODE = '/cell/homing_node'
 COMMAND = 'import sys; from homing_node.cli import main; sys.exit(main())'
@@ -185,6 +187,28 @@ def test_jog(world, homing):
         limit = user.jog('x', 0.08, 0.05)
         assert limit.error_code == AxisState.LS_TRIGGERED
         assert [one.input for one in limit.edges][-1] == 'positive_limit_switch'
+
+
+def test_survey(world, homing, tmp_path, monkeypatch):
+    """The layout that is written is the plant's, within what the file says."""
+    world.client.home('x')
+    path = tmp_path / 'machine.yaml'
+    wanted = ['survey', 'x', '--within', '0.03', '--velocity', '0.05', '-o', str(path)]
+    status, out, err = homing(*wanted, '--yes')
+    assert (status, err) == (0, ''), (out, err)
+    found = layout_file.load(path).layouts['x']
+    told = path.read_text()
+    home, limit = found.switches['home_switch'], found.switches['positive_limit_switch']
+    assert (home.on_from, home.on_to) == pytest.approx((0.055, 0.061), abs=3e-4), told
+    assert limit.on_from == pytest.approx(0.08, abs=3e-4) and limit.on_to == float('inf')
+    assert found.lag == pytest.approx(0.005, abs=0.004), told
+    assert 'negative_limit_switch: it stayed off' in told
+    status, _, err = homing(*wanted, '--yes')
+    assert status == 2 and 'is there already' in err
+    path.unlink()
+    monkeypatch.setattr('sys.stdin', io.StringIO())
+    status, _, err = homing(*wanted)
+    assert status == 2 and 'give --yes' in err
 
 
 def test_watch(world, homing, monkeypatch):

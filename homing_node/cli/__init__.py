@@ -26,6 +26,7 @@ from . import (
     repeat,
     resume,
     run,
+    survey,
     types,
     verify,
     watch,
@@ -48,6 +49,7 @@ At the machine, with a homing_node that runs (these need ROS; * moves axes):
   homing watch                                     a live table of axes and inputs
   homing home x y                                * home axes, and see how far they have come
   homing verify x                                * does the home still hold?
+  homing survey x --within 0.2                   * find where everything is: a layout file
   homing cancel                                    stop, and wait until the axes are at rest
   homing continue                                * go on after a pause (pause_mode)
   homing repeat x                                * home ten times: how far do the homes spread?
@@ -74,6 +76,7 @@ COMMANDS = {
     'cancel': cancel,
     'continue': resume,
     'repeat': repeat,
+    'survey': survey,
     'check': check,
     'run': run,
     'propose': propose,

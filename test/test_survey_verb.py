@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`homing survey` against the core and a simulated plant, without ROS: what it asks and writes."""
+
+import io
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import pytest
+from core_rig import HOME, HS, LIMIT_AHEAD, rig
+
+from homing_node.cli import main, survey
+from homing_node.core.jog import Jog
+from homing_node.parameters.axis import DEFINITIONS
+from homing_node.plant import layout_file
+from homing_node.procedures.states import Error
+
+
+class Client:
+    """What the verb needs of a HomingClient, of an axis that is rehearsed."""
+
+    def __init__(self, made):
+        self.made, self.set, self.jogs = made, {}, []
+        made.home()
+        made.axis.homed = False
+
+    def parameters(self, *names):
+        if names == ('axes',):
+            return {'axes': ['x']}
+        p = self.made.axis.parameters
+        values = {name: getattr(p, name.removeprefix('x.')) for name in names}
+        return {
+            name: [str(one) for one in value] if isinstance(value, tuple) else value
+            for name, value in values.items()
+            if value is not None and value != DEFINITIONS[name.removeprefix('x.')].default
+        }
+
+    def state(self, axis):
+        one = self.made.axis
+        levels = {False: 0, True: 1, None: 2}
+        return SimpleNamespace(
+            state=str(one.state),
+            position=one.raw_position,
+            homed=False,
+            home_offset=0.0,
+            following_error=one.following_error,
+            inputs=[str(name) for name, _ in one.levels],
+            levels=[levels[level] for _, level in one.levels],
+        )
+
+    def jog(self, axis, distance, velocity, held=None, on_feedback=None):
+        self.jogs.append((distance, velocity))
+        made = self.made
+        cycle = made.cycle
+
+        def told():
+            setpoint = cycle()
+            if made.axis.running:
+                on_feedback(
+                    SimpleNamespace(state=self.state('x'), distance_to_go=made.axis.distance_to_go)
+                )
+            return setpoint
+
+        made.cycle = told
+        try:
+            outcome = made.jog(Jog(distance, velocity)).outcome
+        finally:
+            made.cycle = cycle
+        return SimpleNamespace(
+            success=outcome.success,
+            message='' if outcome.success else f'{outcome.error}: {outcome.message}',
+            edges=outcome.jogged.edges if outcome.jogged else (),
+            state=self.state('x'),
+        )
+
+    def set_parameters(self, axis, **values):
+        self.set.update(values)
+        return SimpleNamespace(message='', __bool__=lambda self: True)
+
+
+@pytest.fixture
+def surveyed(monkeypatch, tmp_path, capsys):
+    """Return what surveys a rig: the status, what was said, the client, and the file."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(survey, '_rates', lambda node, axis: {})
+
+    def run(one, *arguments, direction=1):
+        client = Client(one.rehearsal(direction))
+
+        @contextmanager
+        def connected(_):
+            yield client
+
+        monkeypatch.setattr(survey, 'connected', connected)
+        status = main(['survey', 'x', '--within', '0.06', *arguments])
+        out, err = capsys.readouterr()
+        return status, out, err, client
+
+    return run
+
+
+def test_it_writes_what_is_there(surveyed):
+    one = rig('HS').built(lag=0.01)
+    status, out, err, client = surveyed(one, '--velocity', '0.05', '--yes')
+    assert (status, err) == (0, ''), out
+    assert out.splitlines()[-1] == 'wrote x_layout.yaml'
+    found = layout_file.load('x_layout.yaml').layouts['x']
+    assert (found.switches[HS].on_from, found.switches[HS].on_to) == pytest.approx(
+        (HOME.on_from, HOME.on_to), abs=3e-4
+    )
+    assert found.switches[LIMIT_AHEAD].on_from == pytest.approx(0.09, abs=3e-4)
+    assert found.lag == pytest.approx(0.01, rel=0.1)
+    velocities = {velocity for _, velocity in client.jogs}
+    assert max(velocities) == 0.05 and len(velocities) == 2
+    status, _, err, _ = surveyed(one, '--yes')
+    assert status == 2 and 'x_layout.yaml is there already' in err
+
+
+def test_by_default_it_goes_at_a_tenth_of_fast(surveyed):
+    _, out, _, client = surveyed(rig('HS'), '--yes')
+    assert max(velocity for _, velocity in client.jogs) == pytest.approx(0.02)
+    assert 'axis x goes up to 60 mm both ways from 0.06' in out
+
+
+def test_what_makes_no_sense_is_said(surveyed):
+    one = rig('HS')
+    flags = {
+        name: flag._replace(inverted=name == HS) for name, flag in one.layout.switches.items()
+    }
+    status, out, _, client = surveyed(one.built(switches=flags), '--velocity', '0.05', '--yes')
+    assert status == 1 and not client.set
+    assert 'doubt: home_switch is ' in out and '(invert_hs_polarity: true)' in out
+
+
+def test_a_motion_that_fails_ends_it_and_leaves_the_file(surveyed):
+    one = rig('HS').but(travel=0.1, following_error=1e-6).built(lag=0.05)
+    status, out, err, client = surveyed(one, '--velocity', '0.05', '--yes')
+    assert status == 1 and err.startswith('homing: FollowingError: axis x: '), err
+    assert len(client.jogs) == 1 and 'wrote x_layout.yaml' in out
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (['--velocity', '0'], '0 is not a number > 0'),
+        ([], 'there is no terminal on which a key could be held: give --yes'),
+    ],
+)
+def test_what_is_refused(surveyed, monkeypatch, capsys, arguments, said):
+    monkeypatch.setattr('sys.stdin', io.StringIO())
+    try:
+        status, _, err, _ = surveyed(rig('HS'), *arguments)
+    except SystemExit as end:
+        status, err = end.code, capsys.readouterr().err
+    assert status == 2 and said in err
+
+
+def test_the_error_of_an_answer():
+    assert survey._error('LSTriggered: axis x: it rose') is Error.LSTriggered
+    assert survey._error('something else') is Error.InternalError
