@@ -24,6 +24,7 @@ TIMED = (
     'test_cli',
     'test_client',
     'test_docs',
+    'test_held_key',
     'test_node_',
     'test_reports',
     'test_timebase',

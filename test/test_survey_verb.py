@@ -2,7 +2,7 @@
 """`homing survey` against the core and a simulated plant, without ROS: what it asks and writes."""
 
 import io
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from types import SimpleNamespace
 
 import pytest
@@ -129,6 +129,26 @@ def test_what_makes_no_sense_is_said(surveyed):
     status, out, _, client = surveyed(one.built(switches=flags), '--velocity', '0.05', '--yes')
     assert status == 1 and not client.set
     assert 'doubt: home_switch is ' in out and '(invert_hs_polarity: true)' in out
+
+
+@pytest.mark.parametrize('answer', ['y', 'n', None])
+def test_it_asks_whether_the_node_shall_get_what_makes_sense(surveyed, monkeypatch, answer):
+    def answered(question):
+        if answer is None:
+            raise EOFError
+        assert question == 'set x.invert_hs_polarity to true in the running node? [y/N] '
+        return answer
+
+    one = rig('HS')
+    flags = dict(one.layout.switches)
+    flags[HS] = flags[HS]._replace(inverted=True)
+    monkeypatch.setattr('builtins.input', answered)
+    monkeypatch.setattr('sys.stdin', SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr(survey, 'HeldKey', lambda: nullcontext(SimpleNamespace(held=lambda: True)))
+    status, out, _, client = surveyed(one.built(switches=flags), '--velocity', '0.05')
+    assert status == 1 and 'hold any key down' in out
+    assert client.set == ({'invert_hs_polarity': True} if answer == 'y' else {})
+    assert ('is set until the node ends' in out) == (answer == 'y')
 
 
 def test_a_motion_that_fails_ends_it_and_leaves_the_file(surveyed):

@@ -228,7 +228,10 @@ def _ask(client: Any, axis: str, doubt: Doubt) -> None:
     if not doubt.parameter:
         return
     name = f'{axis}.{doubt.parameter}'
-    answer = input(f'set {name} to {_plain(doubt.value)} in the running node? [y/N] ')
+    try:
+        answer = input(f'set {name} to {_plain(doubt.value)} in the running node? [y/N] ')
+    except EOFError:  # Ctrl-D
+        return
     if answer.strip().lower() not in ('y', 'yes'):
         return
     value = doubt.value if isinstance(doubt.value, bool | float | int) else str(doubt.value)
