@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='RECORD',
         type=Path,
         help='a course saved by `homing run --save` (.npz or .csv), or a record of the node '
-        'or of `homing record` (.mcap)',
+        '(.mcap)',
     )
     parser.add_argument(
         '-o',
