@@ -340,6 +340,7 @@ def test_a_gantry_springs_back_when_a_servo_goes_off():
     plant = gantry.plants[1]
     plant.follow(plant.position + 0.0012, over=0.05)
     gantry.axis.followers[0].enable(True)
+    gantry.axis.set_servo(True)
     outcome = homed(gantry)
     assert outcome.members[1].skew == pytest.approx(-0.0012, abs=1e-4)
 

@@ -379,12 +379,12 @@ class Axis(AxisInputs):
             machine.fail(never_moved(stood))
         for text in readings.warnings(machine.passes.fine):
             machine.warn(text)
+        if ending.servo_off:
+            self.servo_on = False
         self._end(self._outcome(machine))
         if watched:
             readings.settled = readings.track.time
         rest = Rest(self._sign * self.profile.position, self.raw_position)
-        if ending.servo_off:
-            self.servo_on = False
         self._rest = None if ending.silent or ending.servo_off else rest
         if ending.silent:
             self._end_silently(now)

@@ -16,6 +16,7 @@ class Ending:
         silent: no setpoint may follow, because the servo is off or the feedback is lost; the run
             ends at once.
         servo_off: the servo is to be switched off once the axis is at rest.
+        demanded: the hardest deceleration that an error demands; 0: none does.
     """
 
     __slots__ = (
@@ -24,6 +25,7 @@ class Ending:
         'stopping',
         'silent',
         'servo_off',
+        'demanded',
         '_profile',
         '_deceleration',
     )
@@ -34,6 +36,7 @@ class Ending:
         self.stopping = False
         self.silent = False
         self.servo_off = False
+        self.demanded = 0.0
         self._profile = profile
         self._deceleration = 0.0  # of the stop that is under way
 
@@ -46,7 +49,9 @@ class Ending:
         self.servo_off = self.servo_off or action.servo_off
         if action.deceleration is None:
             self.silent = True
-        elif action.deceleration > self._deceleration:
+            return
+        self.demanded = max(self.demanded, action.deceleration)
+        if action.deceleration > self._deceleration:
             self._deceleration = action.deceleration
             self._profile.stop(action.deceleration)
 

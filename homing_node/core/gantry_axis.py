@@ -11,9 +11,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..parameters.axis import AxisParameters
+from ..parameters.definition import InvalidParameters
 from ..parameters.gantry import group_parameters
 from ..procedures.states import Error, Input
 from .axis import VELOCITY_SPAN, Axis, Setpoint
+from .ending import Ending
 from .gantry_follower import Follower
 from .gantry_machine import GantryMachine
 from .gantry_run import GantryRun
@@ -23,6 +25,7 @@ from .limits import Action
 from .machine import Machine
 from .outcome import MemberHome, Outcome
 from .profile import Profile
+from .readings import Readings
 from .remembered import Remembered
 from .settling import jammed
 from .signals import Edge
@@ -59,7 +62,6 @@ class GantryAxis(Axis):
         self.followers: tuple[Follower, ...] = ()
         self.largest_skew = 0.0
         self._run: GantryRun | None = None
-        self._braked: list[Profile] = []  # own paths of followers that stop
         self._group = group_parameters(parameters, followers.values())
         super().__init__(name, parameters, period, lead)
         self.followers = tuple(
@@ -73,9 +75,23 @@ class GantryAxis(Axis):
     ) -> None:
         """Use new parameters; ``followers``: those of the followers, by their full names.
 
+        The directions stay: with another one a side would be driven against the others.
+
         Raises:
             RuntimeError: a run is in progress.
+            InvalidParameters: a direction is another one than before.
         """
+        before = {full: drive.parameters for full, drive in self.drives.items()}
+        after = {self.name: parameters, **(followers or {})}
+        if self.followers and not self.running:
+            turned = [
+                f'{full}.home_direction: {p.home_direction} was {before[full].home_direction} at '
+                'the start; a gantry keeps it until the next start'
+                for full, p in after.items()
+                if p.home_direction is not before[full].home_direction
+            ]
+            if turned:
+                raise InvalidParameters(turned)
         super().configure(parameters)
         for follower in self.followers:
             follower.configure((followers or {}).get(follower.name, follower.parameters))
@@ -100,14 +116,21 @@ class GantryAxis(Axis):
         if self._run is not None and self.machine is not None:
             self._run.followers[self.followers.index(follower)].latches.add(source, position)
 
-    def lose_servo_of(self, name: str) -> None:
+    def lose_servo_of(self, name: str, tripped: bool) -> None:
         """End a run and lose the home, because the drive of a side is off.
 
-        The sides whose drives are still on come to rest; then all are switched off.
+        The sides whose drives are still on come to rest; then all are switched off. At rest a
+        drive that trips switches all off at once.
+
+        Args:
+            name: whose drive it is.
+            tripped: it was on before.
         """
         text = f'the drive of {name} switched its servo off'
-        self._rest = None
+        self._lose_rests()
         self._lose_home(Error.ServoOff, f'{text}; a gantry may spring back then')
+        if tripped and not self.running:
+            self.servo_on = False
         self.stop(Error.ServoOff, text, Action(self._group.ls_dec, True))
 
     def lose_home_of(self, name: str, error: Error, text: str) -> None:
@@ -116,15 +139,21 @@ class GantryAxis(Axis):
 
     def enable(self, enabled: bool) -> None:
         """Record the leader's own servo state; one that goes off ends the run."""
+        tripped = self.readings.servo_enabled is True and not enabled
         self.readings.servo_enabled = enabled
         if not enabled and Input.SERVO_ENABLED in self.parameters.inputs:
-            self.lose_servo_of(self.name)
+            self.lose_servo_of(self.name, tripped)
 
     def _lose_servo(self, text: str, action: Action) -> None:
+        self._lose_rests()
         self._lose_home(Error.ServoOff, text)
+        super()._lose_servo(text, action)
+
+    def _lose_rests(self) -> None:
+        """Forget where the last run has left each side."""
+        self._rest = None
         for follower in self.followers:
             follower.lose_rest()
-        super()._lose_servo(text, action)
 
     # ----------------------------------------------------------------------------------- requests
 
@@ -178,8 +207,9 @@ class GantryAxis(Axis):
         """Forget the times of all that was received, because simulated time jumped back."""
         super().time_jumped_back(now)
         for follower in self.followers:
-            follower.settle(float('inf'))
-            follower.readings.time_jumped_back(now)
+            follower.time_jumped_back(now)
+        for side in self._run.sides if self._run is not None else ():
+            side.edges.clear()
 
     # --------------------------------------------------------------------------------- each cycle
 
@@ -200,9 +230,13 @@ class GantryAxis(Axis):
                 self._watch_followers(now)
             return super().update(now)
         if not machine.finished:
+            stopping = machine.ending.stopping
             run.update(machine, now)
-            if machine.ending.stopping:
-                self._stop_followers(machine)
+            if machine.ending.error is Error.FollowingError and not stopping:
+                self._stop_where_it_is(machine, now)
+            elif machine.ending.stopping:
+                for follower in self.followers:
+                    follower.brake(machine.ending.demanded)
         setpoint = super().update(now)
         self.largest_skew = run.rules.largest_skew
         if setpoint is not None:
@@ -220,19 +254,6 @@ class GantryAxis(Axis):
                 text = f'{follower.name}: no feedback came for {limit:g} s (feedback_timeout)'
                 self._lose_home(Error.FeedbackStale, text)
 
-    def _stop_followers(self, machine: Machine) -> None:
-        """Stop the followers that move on paths of their own."""
-        gentle = machine.ending.error is Error.Canceled
-        for follower in self.followers:
-            own = follower.profile
-            if own is not None and own.velocity * own.velocity + own.acceleration**2 > 0.0:
-                self._brake(own, gentle)
-
-    def _brake(self, own: Profile, gentle: bool) -> None:
-        if own not in self._braked:
-            self._braked.append(own)
-            own.stop(None if gentle else self._group.ls_dec)
-
     def _take(self, edge: Edge) -> None:
         if self._run is None or self.machine is None:
             super()._take(edge)
@@ -247,13 +268,14 @@ class GantryAxis(Axis):
 
     def _stop_where_it_is(self, machine: Machine, now: float) -> None:
         """Plan the stop of each side from where it is."""
-        super()._stop_where_it_is(machine, now)
-        fastest = self.readings.top_speed
-        for follower in self.followers:
-            track = follower.readings.track
+        fastest, deceleration = self.readings.top_speed, self._group.ls_dec
+        stops: list[tuple[Ending | Follower, Readings]] = [(machine.ending, self.readings)]
+        stops += [(follower, follower.readings) for follower in self.followers]
+        for one, readings in stops:
+            track = readings.track
             velocity = min(fastest, max(-fastest, track.drift(VELOCITY_SPAN)))
             position = track.position + velocity * max(0.0, now - track.time)
-            follower.take_own_path().stop_from(position, velocity, self._group.ls_dec)
+            one.stop_from(position, velocity, deceleration)
 
     def _finish(self, now: float) -> Setpoint | None:
         """End the run as soon as the feedback of all sides has settled after their commands."""
@@ -276,7 +298,16 @@ class GantryAxis(Axis):
                 if not (followed or failed):
                     stuck = jammed(behind, p.settling_tolerance)
                     machine.fail(stuck._replace(seen=f'{follower.name}: {stuck.seen}'))
-        return super()._finish(now)
+        setpoint = super()._finish(now)
+        if self.machine is None and not (machine.ending.silent or self.powered):
+            self._come_back(now)
+        return setpoint
+
+    def _come_back(self, now: float) -> None:
+        """Let the leader's command go to where it is, because its drive is off."""
+        self.returning = self._moved and self.readings.feedback_is_fresh(now)
+        if self.returning:
+            self.profile.come_back(self.readings.track.position)
 
     def _wait(self, now: float) -> Setpoint:
         """Go on for a cycle in which a follower has not settled."""
@@ -289,13 +320,11 @@ class GantryAxis(Axis):
             self._ended = run.members
             outcome = outcome._replace(members=self._ended)
         now = machine.now if machine is not None else 0.0
-        silent = machine is None or machine.ending.silent
+        silent = machine is None or machine.ending.silent or not machine.finished
         self._run = None
         super()._end(outcome)
         for follower in self.followers:
-            watched = self._moved and not silent and follower.readings.feedback_is_fresh(now)
-            follower.end(now, silent and self._moved, watched)
-        self._braked.clear()
+            follower.end(now, silent, self._moved)
 
     # ------------------------------------------------------------------------------ what is shown
 

@@ -41,7 +41,7 @@ class Leader(Protocol):
     def stop(self, error: Error, message: str, action: Action | None = None) -> None: ...
     def take_from(self, follower: 'Follower', edge: Edge) -> None: ...
     def latch_from(self, follower: 'Follower', source: Input, position: float) -> None: ...
-    def lose_servo_of(self, name: str) -> None: ...
+    def lose_servo_of(self, name: str, tripped: bool) -> None: ...
     def lose_home_of(self, name: str, error: Error, text: str) -> None: ...
 
 
@@ -74,6 +74,7 @@ class Follower:
         self.returning = False
         self.settling = Settling(leader.lead)
         self._rest: Rest | None = None
+        self._braking = 0.0  # the deceleration of its own stop that is under way
         self._watch = HomeWatch()
 
     def configure(self, parameters: AxisParameters) -> None:
@@ -137,10 +138,10 @@ class Follower:
 
     def enable(self, enabled: bool) -> None:
         """Record the drive's own servo state; one that goes off ends the run of the gantry."""
+        tripped = self.readings.servo_enabled is True and not enabled
         self.readings.servo_enabled = enabled
         if not enabled and Input.SERVO_ENABLED in self.parameters.inputs:
-            self._rest = None
-            self._leader.lose_servo_of(self.name)
+            self._leader.lose_servo_of(self.name, tripped)
 
     def settle(self, now: float) -> None:
         """Take the edges whose debounce is over."""
@@ -219,8 +220,16 @@ class Follower:
         """Begin a run in which the leader's first command is this."""
         self.profile, self.returning = None, False
         self.offset = self.start_command() - leaders_command
+        self._braking = 0.0
         self.readings.begin_run()
         self.settling.restart()
+
+    def time_jumped_back(self, now: float) -> None:
+        """Forget the times of all that was received, because simulated time jumped back."""
+        self.settle(math.inf)
+        self.readings.time_jumped_back(now)
+        self.settling.restart()
+        self._watch = HomeWatch()
 
     def take_own_path(self) -> Profile:
         """Leave the leader's path; return the own one, which goes on as it was."""
@@ -246,28 +255,49 @@ class Follower:
             sign * profile.acceleration,
         )
 
-    def end(self, now: float, silent: bool, watched: bool) -> None:
-        """Take that the run has ended.
+    def brake(self, demanded: float) -> None:
+        """Stop on its own path, if it moves on one, unless it brakes as hard already.
+
+        Args:
+            demanded: the deceleration that an error demands; 0: that of its motion.
+        """
+        own = self.profile
+        if own is None or (own.velocity == 0.0 and own.acceleration == 0.0):
+            return
+        deceleration = demanded or own.dynamics.deceleration
+        if deceleration > self._braking:
+            self._braking = deceleration
+            own.stop(deceleration)
+
+    def stop_from(self, position: float, velocity: float, deceleration: float) -> None:
+        """Stop on its own path from where it is."""
+        self._braking = deceleration
+        self.take_own_path().stop_from(position, velocity, deceleration)
+
+    def end(self, now: float, silent: bool, moved: bool) -> None:
+        """Take that the run has ended; the command of a drive that is off comes back to it.
 
         Args:
             now: the present time, s.
             silent: no setpoint may follow.
-            watched: the feedback has settled after the command.
+            moved: setpoints were told in the run.
         """
-        if watched:
-            self.readings.settled = self.readings.track.time
-        if not silent:
-            self._rest = Rest(self.sign * self.command, self.raw_position)
-            self.rejoin()
-            return
+        fresh, powered = self.readings.feedback_is_fresh(now), self.powered
         self._rest = None
-        own = self.take_own_path()
-        self.returning = not self.powered and self.readings.feedback_is_fresh(now)
+        self.returning = moved and fresh and not powered
         if self.returning:
-            own.update()
+            own = self.take_own_path()
+            if silent:
+                own.update()
             own.come_back(self.readings.track.position)
+        elif moved and silent:
+            self.take_own_path().freeze()
         else:
-            own.freeze()
+            if moved and fresh:
+                self.readings.settled = self.readings.track.time
+            if powered:
+                self._rest = Rest(self.sign * self.command, self.raw_position)
+            self.rejoin()
 
     def come_back(self) -> None:
         """Let the command go on to where it is, with its servo off."""

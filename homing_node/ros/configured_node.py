@@ -89,6 +89,9 @@ class ConfiguredNode(DeclaringNode, ABC):
                 f'{axis}.limit_reversal': parameters.limit_reversal,
             }
             self.declare(AXIS_DEFINITIONS, {**implied, **given}, f'{axis}.')
+            if parameters.followers:  # a side would be driven against the others
+                fixed = {'home_direction': AXIS_DEFINITIONS['home_direction']}
+                self.declare(fixed, {**implied, **given}, f'{axis}.', read_only=True)
         self._declare_followers(given)
 
     def _declare_followers(self, given: Mapping[str, object]) -> None:
