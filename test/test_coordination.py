@@ -313,6 +313,32 @@ def test_an_axis_whose_prerequisite_is_missing_does_not_start():
     assert rig.started() == ['cell2/y']
 
 
+def test_an_axis_waits_while_what_it_requires_is_homed_again():
+    rig = Rig(homed=['cell1/z'], auto=False)
+    again = rig.home('cell1/z', force=True)
+    rig.core.accepted(rig.number('cell1/z'), rig.now)  # its state still says that it is homed
+    request = rig.home('cell2/y')
+    rig.run(0.5)
+    assert rig.started() == ['cell1/z']
+    assert rig.core.locks('cell2', rig.now) == {'cell2/y': 'cell1/z is homing'}
+    rig.end('cell1/z')
+    rig.answer()
+    assert rig.started() == ['cell1/z', 'cell2/y']
+    assert again.done and not request.done
+
+
+def test_what_an_axis_requires_is_not_homed_again_while_it_homes():
+    rig = Rig(homed=['cell1/z'], auto=False)
+    rig.home('cell2/y')
+    rig.accept('cell2/y')
+    rig.home('cell1/z', force=True)
+    rig.run(0.5)
+    assert rig.started() == ['cell2/y']
+    rig.end('cell2/y')
+    rig.answer()
+    assert rig.started() == ['cell2/y', 'cell1/z']
+
+
 def test_a_cell_that_restarts_between_steps_undoes_the_step():
     rig = Rig(auto=False, requires=[])
     request = rig.home()
@@ -378,6 +404,24 @@ def test_a_silent_cell_is_lost_after_a_second_and_the_others_stop():
     rig.end('cell2/z', Error.Canceled)
     rig.run(TICK)
     assert request.done
+
+
+@pytest.mark.parametrize('on_failure', ['stop_all', 'go_on'])
+def test_a_goal_that_a_lost_cell_goes_on_with_is_canceled_when_it_is_heard_again(on_failure):
+    rig = Rig(auto=False, steps=[], requires=[], on_failure=on_failure)
+    request = rig.home('cell1/x', 'cell1/z')
+    rig.accept('cell1/x')
+    number = rig.number('cell1/x')
+    rig.silent.add('cell1')
+    rig.run(12.0)
+    assert request.done
+    assert errors(request)['cell1/x'] == 'CellLost'
+    rig.silent.clear()
+    rig.canceled.clear()
+    for _ in range(50):  # its feedback comes for 2.5 s
+        rig.core.under_way(number, rig.now)
+        rig.run(TICK)
+    assert rig.canceled == ['cell1/x'] * 3  # a cancel may be lost
 
 
 def test_a_cell_that_was_never_heard_is_lost():
@@ -524,7 +568,7 @@ def test_an_axis_has_one_request():
 
 def test_two_coordinators_refuse_until_one_is_gone():
     rig = Rig()
-    rig.core.claim('1234', '/other', rig.now)
+    rig.core.claims.take('1234', '/other', rig.now)
     refusal = rig.home()
     assert refusal.error is Error.CoordinatorConflict
     assert '/other' in refusal.message
@@ -557,8 +601,8 @@ def test_axes_in_no_step_home_last_and_one_by_one():
         ['cell1/x'],
         ['cell1/z'],
     ]
-    assert rig.core.names == ['cell2/z']
-    assert Rig(steps=[]).core.names == ['cell1/x', 'cell1/z', 'cell2/y', 'cell2/z']
+    assert rig.core.cells.names == ['cell2/z']
+    assert Rig(steps=[]).core.cells.names == ['cell1/x', 'cell1/z', 'cell2/y', 'cell2/z']
 
 
 def test_a_coordinator_that_ends_stops_what_it_homes():

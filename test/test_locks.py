@@ -49,6 +49,13 @@ def test_every_living_coordinator_must_agree():
     assert reason(locks, 'y', 0.1) == 'axis y: also no'
 
 
+def test_a_coordinator_that_was_restarted_takes_the_place_of_the_old_one_at_once():
+    locks = Locks()
+    locks.take('1', '/line', {'y': ''}, 0.0)
+    locks.take('2', '/line', {'y': ''}, SILENT - 0.01)
+    assert reason(locks, 'y', SILENT + 0.2) == ''
+
+
 def test_a_coordinated_node_waits_for_a_coordinator():
     locks = Locks(coordinated=True)
     assert reason(locks, 'x') == 'axis x: no coordinator is heard (coordinated)'

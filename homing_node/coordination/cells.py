@@ -5,8 +5,11 @@ All times are of the coordinator's own clock at arrival: the clocks of the hosts
 """
 
 import math
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
+from ..core.outcome import Outcome
+from ..parameters.line import Line, cell_of, unknown_cell
 from ..procedures.states import Error
 
 #: How much longer a cell may be silent in which nothing homes, s. It sends a state of each axis a
@@ -93,3 +96,60 @@ class Cell:
         if seen is None or self.silent(now):
             return f'cell {self.name} is silent, so whether {axis} is homed is not known'
         return '' if seen.homed else f'{axis} is not homed'
+
+
+class Cells(dict[str, Cell]):
+    """The cells of a line, by name."""
+
+    def __init__(self, line: Line) -> None:
+        super().__init__(
+            {name: Cell(name, node, line.cell_timeout) for name, node in line.nodes.items()}
+        )
+        self._line = line
+
+    @property
+    def names(self) -> list[str]:
+        """What a request without names homes: the axes in `steps`; without steps, all axes."""
+        if self._line.steps:
+            return [axis for step in self._line.steps for axis in step]
+        return [axis for cell in self.values() for axis in cell.axes or ()]
+
+    def unknown(self, name: str) -> Outcome | None:
+        """Return why a name is no axis of the line."""
+        cell = cell_of(name)
+        if not cell:
+            text = f'{name!r} is not an axis of a cell; an axis of the line is named cell1/x'
+            return Outcome(Error.UnknownAxis, text)
+        if cell not in self:
+            return Outcome(Error.UnknownCell, f'{name}: {unknown_cell(cell, self)}')
+        if not self[cell].knows(name):
+            axes = ', '.join(self[cell].axes or ())
+            return Outcome(Error.UnknownAxis, f'{name!r} is none of the axes {axes}')
+        return None
+
+    def ordered(self, names: Sequence[str]) -> list[tuple[str, ...]]:
+        """Return axes in the order of the steps; the others follow, one by one."""
+        listed = {axis for step in self._line.steps for axis in step}
+        steps = [tuple(axis for axis in step if axis in names) for step in self._line.steps]
+        return [*filter(None, steps), *((name,) for name in names if name not in listed)]
+
+    def holds(self, axis: str, now: float) -> str:
+        """Return why the home of an axis cannot be relied on, '' if the axis is homed."""
+        return self[cell_of(axis)].holds(axis, now)
+
+    def locks(self, cell: str, homing: Collection[str], now: float) -> dict[str, str]:
+        """Return why axes of a cell must not home, '' where they may.
+
+        Args:
+            cell: The cell; only its axes with `requires` count.
+            homing: The axes that have their turn now: their homes are about to go.
+            now: The present time, s.
+        """
+        found = {}
+        for axis, needed in self._line.requires.items():
+            if cell_of(axis) == cell:
+                whys = (
+                    f'{one} is homing' if one in homing else self.holds(one, now) for one in needed
+                )
+                found[axis] = '; '.join(filter(None, whys))
+        return found

@@ -9,12 +9,14 @@ only with the number of the question that is open. All times are of one monotoni
 from collections.abc import Iterable, Sequence
 
 from ..core.outcome import Outcome
-from ..parameters.line import Line, cell_of, unknown_cell
+from ..parameters.line import Line, cell_of
 from ..procedures.states import Error
-from .cells import Cell, Seen
+from .cells import Cells, Seen
 from .checking import judge
+from .claims import Claims
 from .preview import Preview
 from .request import Request
+from .stray_goals import StrayGoals
 from .turn import Ask, Checked, Turn
 from .turn_table import BUSY, UNDER_WAY, Asks, Event, Phase
 
@@ -26,10 +28,6 @@ UNANSWERED = 1.0
 LOCKED, INSIST = 0.2, 3.0
 #: After a longer gap between two ticks the coordinator itself did not listen, s.
 DEAF = 0.3
-#: Another coordinator that was not heard for this time is gone, s.
-CLAIM = 3.0
-#: So many goals of requests that have ended are remembered.
-PAST = 2000
 
 
 class Coordinator:
@@ -38,32 +36,24 @@ class Coordinator:
     Attributes:
         line: the parameters.
         cells: the cells, by name.
+        claims: what other coordinators claim.
         closed: whether it ends, so that every request is refused.
     """
 
     def __init__(self, line: Line) -> None:
         self.line = line
-        self.cells = {
-            name: Cell(name, node, line.cell_timeout) for name, node in line.nodes.items()
-        }
+        self.cells = Cells(line)
         self.closed = False
         self._requests: list[Request] = []
         self._previews: list[Preview] = []
         self._turns: dict[int, tuple[Request, Turn]] = {}  # by the number of a goal or a check
-        self._past: dict[int, str] = {}  # axes by the number of a goal, of requests that ended
+        self._strays = StrayGoals()
         self._asks: list[Ask] = []
         self._number = 0
         self._ticked: float | None = None
-        self._claims: dict[str, tuple[str, float]] = {}  # other coordinators: name, heard
+        self.claims = Claims()
 
     # ----------------------------------------------------------------------------------- requests
-
-    @property
-    def names(self) -> list[str]:
-        """What a request without names homes: the axes in `steps`; without steps, all axes."""
-        if self.line.steps:
-            return [axis for step in self.line.steps for axis in step]
-        return [axis for cell in self.cells.values() for axis in cell.axes or ()]
 
     def home(
         self, names: Sequence[str], owner: str, now: float, force: bool = False
@@ -73,23 +63,23 @@ class Coordinator:
         Axes that stand in no step home after the others, one after another. ``force``: homed ones
         are homed again, in spite of `skip_homed`.
         """
-        names = list(dict.fromkeys(names)) or self.names
+        names = list(dict.fromkeys(names)) or self.cells.names
         refusal = self._refusal(names, now)
         if refusal is not None:
             return refusal
         force = force or not self.line.skip_homed
-        request = Request(self._ordered(names), owner, self.line.on_failure, force)
+        request = Request(self.cells.ordered(names), owner, self.line.on_failure, force)
         self._requests.append(request)
         self._advance(now)
         return request
 
     def preview(self, names: Sequence[str], now: float, force: bool = False) -> Preview:
         """Ask the cells what homing axes would do; nothing moves."""
-        names = list(dict.fromkeys(names)) or self.names
+        names = list(dict.fromkeys(names)) or self.cells.names
         refusal = self._refusal(names, now)
-        known = [name for name in names if self._unknown(name) is None]
+        known = [name for name in names if self.cells.unknown(name) is None]
         force = force or not self.line.skip_homed
-        preview = Preview(self.line, self._ordered(known), refusal, force)
+        preview = Preview(self.line, self.cells.ordered(known), refusal, force)
         self._previews.append(preview)
         self._advance(now)
         return preview
@@ -122,11 +112,7 @@ class Coordinator:
 
     def locks(self, cell: str, now: float) -> dict[str, str]:
         """Return why axes of a cell must not home, '' where they may; those with `requires`."""
-        return {
-            axis: '; '.join(filter(None, (self._holds(one, now) for one in needed)))
-            for axis, needed in self.line.requires.items()
-            if cell_of(axis) == cell
-        }
+        return self.cells.locks(cell, self._homing, now)
 
     # -------------------------------------------------------------------------- events: the cells
 
@@ -154,15 +140,6 @@ class Coordinator:
                     self._check(request, turn, now)
         self._advance(now)
 
-    def claim(self, identity: str, name: str, now: float) -> None:
-        """Take that another coordinator guards a cell of ours."""
-        self._claims[identity] = name, now
-
-    def conflict(self, now: float) -> str:
-        """Return the name of another coordinator that lives, '' if there is none."""
-        alive = [name for name, heard in self._claims.values() if now - heard < CLAIM]
-        return ', '.join(sorted(set(alive)))
-
     # ------------------------------------------------------------- events: what comes of questions
 
     def checked(self, number: int, cell: str, answer: Checked, now: float) -> None:
@@ -187,9 +164,7 @@ class Coordinator:
             self._handle(request, turn, Event.Accepted, now)
             self._advance(now)
             return
-        axis = turn.axis if turn is not None else self._past.get(number, '')
-        if axis:
-            self._asks.append(Ask(Asks.Cancel, number, cell_of(axis), (axis,)))
+        self._cancel_stray(number, turn)
 
     def refused(self, number: int, outcome: Outcome, now: float) -> None:
         """Take that a cell has refused a goal."""
@@ -207,12 +182,14 @@ class Coordinator:
         self._answer(number, Event.Gone, now)
 
     def under_way(self, number: int, now: float) -> None:
-        """Take that a goal is still under way at its cell."""
+        """Take that a goal is still under way at its cell; one that is a stray is canceled."""
         _, turn = self._turns.get(number, (None, None))
         if turn is not None and turn.goal == number and turn.phase in UNDER_WAY:
             cell = self.cells[turn.cell]
             turn.active = cell.heard = now
             cell.owing.add(number)
+        elif self._strays.cancel_is_due(number, now):
+            self._cancel_stray(number, turn)
 
     def tick(self, now: float) -> list[Request | Preview]:
         """Let time pass; return the requests that have ended since the last tick."""
@@ -241,10 +218,10 @@ class Coordinator:
             text = '`steps` is empty, and no cell has said yet which axes it has'
             return Outcome(Error.UnknownAxis, text)
         for name in names:
-            unknown = self._unknown(name)
+            unknown = self.cells.unknown(name)
             if unknown is not None:
                 return unknown
-        other = self.conflict(now)
+        other = self.claims.living(now)
         if other:
             text = f'{other} guards cells of this line, too; end one of the coordinators'
             return Outcome(Error.CoordinatorConflict, text)
@@ -253,28 +230,6 @@ class Coordinator:
             if busy and not request.done:
                 return Outcome(Error.Busy, f'{request.owner} is homing {", ".join(busy)}')
         return None
-
-    def _unknown(self, name: str) -> Outcome | None:
-        """Return why a name is no axis of the line."""
-        cell = cell_of(name)
-        if not cell:
-            text = f'{name!r} is not an axis of a cell; an axis of the line is named cell1/x'
-            return Outcome(Error.UnknownAxis, text)
-        if cell not in self.cells:
-            return Outcome(Error.UnknownCell, f'{name}: {unknown_cell(cell, self.cells)}')
-        if not self.cells[cell].knows(name):
-            axes = ', '.join(self.cells[cell].axes or ())
-            return Outcome(Error.UnknownAxis, f'{name!r} is none of the axes {axes}')
-        return None
-
-    def _ordered(self, names: Sequence[str]) -> list[tuple[str, ...]]:
-        """Return axes in the order of the steps; the others follow, one by one."""
-        listed = {axis for step in self.line.steps for axis in step}
-        steps = [tuple(axis for axis in step if axis in names) for step in self.line.steps]
-        return [*filter(None, steps), *((name,) for name in names if name not in listed)]
-
-    def _holds(self, axis: str, now: float) -> str:
-        return self.cells[cell_of(axis)].holds(axis, now)
 
     def _next_number(self, request: Request, turn: Turn) -> int:
         self._number += 1
@@ -383,9 +338,10 @@ class Coordinator:
                 for turn, reason in request.to_stop():
                     self._handle(request, turn, Event.Cancel, now, text=reason)
                     again = True
-                for turn in request.due[: max(0, self.line.at_once - self._busy)]:
-                    self._begin(request, turn, now)
-                    again = True
+                for turn in request.due:
+                    if self._busy < self.line.at_once and not self._must_wait(turn.axis):
+                        self._begin(request, turn, now)
+                        again = True
         for preview in self._previews:
             while axis := preview.next():
                 self._number += 1
@@ -394,7 +350,7 @@ class Coordinator:
 
     def _begin(self, request: Request, turn: Turn, now: float) -> None:
         """Begin a turn, unless a home of an earlier step is lost."""
-        undone = [why for axis in request.earlier if (why := self._holds(axis, now))]
+        undone = [why for axis in request.earlier if (why := self.cells.holds(axis, now))]
         if undone:
             text = f'{turn.axis}: an earlier step does not hold any more: {undone[0]}'
             lost = Outcome(Error.PrerequisiteMissing, text)
@@ -403,19 +359,38 @@ class Coordinator:
             self._handle(request, turn, Event.Due, now)
 
     @property
+    def _homing(self) -> list[str]:
+        """The axes that have their turn now."""
+        turns = [turn for request in self._requests for turn in request.turns]
+        return [turn.axis for turn in turns if turn.phase in BUSY]
+
+    @property
     def _busy(self) -> int:
-        return sum(turn.phase in BUSY for request in self._requests for turn in request.turns)
+        return len(self._homing)
+
+    def _must_wait(self, axis: str) -> bool:
+        """Return whether an axis that it requires, or one that requires it, has its turn now."""
+        requires, homing = self.line.requires, self._homing
+        return any(
+            one in requires.get(axis, ()) or axis in requires.get(one, ()) for one in homing
+        )
+
+    def _cancel_stray(self, number: int, turn: Turn | None) -> None:
+        """Cancel a goal that nobody waits for."""
+        axis = turn.axis if turn is not None else self._strays.axis(number)
+        if axis:
+            self._asks.append(Ask(Asks.Cancel, number, cell_of(axis), (axis,)))
 
     def _ended(self) -> list[Request | Preview]:
         """Return the requests that have ended, and keep of them only which goals they sent."""
         ended: list[Request | Preview] = [one for one in self._requests if one.done]
         if ended:
+            past: dict[int, str] = {}
             for number, (request, turn) in list(self._turns.items()):
                 if request.done:
                     del self._turns[number]
-                    self._past[number] = turn.axis
-            for number in list(self._past)[:-PAST]:
-                del self._past[number]
+                    past[number] = turn.axis
+            self._strays.remember(past)
         ended += [one for one in self._previews if one.done]
         self._requests = [one for one in self._requests if not one.done]
         self._previews = [one for one in self._previews if not one.done]

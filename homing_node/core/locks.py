@@ -50,10 +50,11 @@ class Locks:
 
     def refusal(self, axis: str, now: float) -> Outcome | None:
         """Return why an axis must not home now, None if nothing is said against it."""
+        living = {g.name for g in self._guards.values() if now - g.heard <= SILENT}
         for guard in self._guards.values():
             silence = now - guard.heard
             reason = guard.reasons.get(axis)
-            if reason is None:
+            if reason is None or (silence > SILENT and guard.name in living):  # it was restarted
                 continue
             if silence > SILENT:
                 reason = (

@@ -112,7 +112,7 @@ class CellLink:
                 self._take_state(axis, state, int(info['publication_sequence_number']), now)
         for claim, _ in waiting(self._claims):
             if claim.hardware_id != self._identity:
-                self._core.claim(claim.hardware_id, claim.name, now)
+                self._core.claims.take(claim.hardware_id, claim.name, now)
         if self._core.cells[self._cell].axes is None and now - self._asked_axes > AXES_PERIOD:
             self._ask_axes(now)
         held, self._held = self._held, []

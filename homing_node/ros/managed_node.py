@@ -67,7 +67,10 @@ class ManagedNode(LifecycleNodeMixin, HomingNode):
         until = time.monotonic() + PATIENCE
         while not self.at_rest:
             if time.monotonic() > until:
-                self.get_logger().error(f'the axes do not rest {PATIENCE:g} s after a stop')
+                self.get_logger().error(
+                    f'the axes do not rest {PATIENCE:g} s after a stop; the node stays active for '
+                    'the lifecycle, and refuses requests until it is deactivated and activated'
+                )
                 return False
             time.sleep(LOOK)
         return True
