@@ -121,12 +121,6 @@ class Line:
     def until_moving(self, *axes):
         self.client.until(lambda: all(self.state(axis).state != 'Idle' for axis in axes), 40.0)
 
-    def until_known(self, **homed):
-        """Wait until the states of the line say which axes are homed."""
-        self.client.until(
-            lambda: all(self.state(a.replace('_', '/')).homed is so for a, so in homed.items())
-        )
-
 
 @pytest.fixture(scope='module')
 def a_line(tmp_path_factory):
@@ -192,21 +186,6 @@ def test_a_canceled_request_answers_when_every_axis_rests(of):
     assert result.message.startswith('Canceled: ')
 
 
-def test_a_killed_cell_is_lost_the_others_rest_and_what_is_left_homes_later(of):
-    handle = of.send(force=True)
-    of.until_moving('cell1/z', 'cell2/z')
-    before = len(of.states['cell1/x'])
-    of.nodes['cell2'].process.kill()
-    result = of.result(handle)
-    assert result.error_code == AxisState.CELL_LOST, result.message
-    assert {state.axis: state.state for state in result.states}['cell1/z'] == 'Idle'
-    assert {heard.message.state for heard in of.states['cell1/x'][before:]} <= {'Idle'}
-    of.nodes['cell2'] = of.start('cell2')
-    of.activate('cell2')
-    of.until_known(cell2_z=False)
-    of.client.until(lambda: (left := of.home()).success or not left.message)
-
-
 def test_a_killed_coordinator_starts_nothing_more_and_its_locks_stay(of):
     assert of.home().success
     of.send(force=True)
@@ -235,6 +214,20 @@ def test_a_managed_node_stops_when_it_is_deactivated_and_forgets_when_cleaned(of
     of.transit('cell2', Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
     of.client.until(lambda: not own[-1].message.homed)
     of.activate('cell2')
+
+
+def test_a_killed_cell_is_lost_and_the_others_rest(a_line):
+    """The last test of the line: the second cell stays away."""
+    handle = a_line.send(force=True)
+    a_line.until_moving('cell1/z', 'cell2/z')
+    before = len(a_line.states['cell1/x'])
+    a_line.nodes['cell2'].process.kill()
+    result = a_line.result(handle)
+    assert result.error_code == AxisState.CELL_LOST, result.message
+    assert {state.axis: state.state for state in result.states}['cell1/z'] == 'Idle'
+    assert {heard.message.state for heard in a_line.states['cell1/x'][before:]} <= {'Idle'}
+    stopped = a_line.client.trigger('cancel', 40.0)
+    assert stopped.message.startswith('CellLost: no answer of cell2')
 
 
 def test_a_bad_line_ends_with_every_fault(tmp_path):

@@ -197,7 +197,10 @@ class HomingCoordinator(DeclaringNode):
         name = f'{cell_messages.local(axis)}/cancel' if axis else 'cancel'
         sent = {cell: self._links[cell].trigger(name) for cell in cells}
         until = time.monotonic() + STOP
-        while time.monotonic() < until and not all(f.done() for f in sent.values() if f):
+        while (now := time.monotonic()) < until and any(
+            future is not None and not future.done() and not self._core.cells[cell].lost(now)
+            for cell, future in sent.items()
+        ):
             await self._waits.pause(TICK)
         said, lost = [], []
         for cell, future in sent.items():
