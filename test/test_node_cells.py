@@ -25,6 +25,10 @@ LINE = {
     'requires': ['cell2/y: cell1/z'],
     'cell_timeout': 5.0,  # the machine of the tests is busy
 }
+
+#: They take long: each line has five processes.
+pytestmark = pytest.mark.long
+
 #: Five processes share the machine: nothing is faster than it must be, and everything may be late.
 RATES = {'feedback_rate': 100.0, 'step_rate': 200.0, 'controller_rate': 100.0, 'dead_time': 0.02}
 PATIENT = {'feedback_timeout': 5.0, 'following_error': 0.04}
@@ -303,7 +307,6 @@ class Hosts:
         assert set(statuses) == {0}, [log.read_text() for log in self.folder.glob('*.log')]
 
 
-@pytest.mark.long
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 def test_a_line_over_a_bad_cable_homes_or_names_the_cell_that_is_lost(tmp_path):
     hosts = Hosts(tmp_path)

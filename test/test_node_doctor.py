@@ -84,6 +84,7 @@ def test_the_parameters_of_the_controller_are_read(world):
     assert ('', 'no-controller') not in findings
 
 
+@pytest.mark.long
 def test_the_controller_manager_is_asked(world):
     pytest.importorskip('controller_manager_msgs')
     controller = Controller(

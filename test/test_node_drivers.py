@@ -102,6 +102,7 @@ def test_two_sources_of_one_joint(tmp_path):
         assert not setpoints
 
 
+@pytest.mark.long
 def test_a_heartbeat_is_no_polling(tmp_path):
     """A switch that is published on change and repeats its level is as exact as ever."""
     values = {'home_type': 'HS', 'switch_stamp_error': 0.0005}

@@ -216,6 +216,7 @@ def another(world, code, *arguments):
             process.kill()
 
 
+@pytest.mark.long
 def test_a_reader_hangs_and_is_killed(client, world, setpoints):
     """The cycle does not wait for it: no setpoint is missed, and none is a larger step."""
     with another(world, READER) as reader:

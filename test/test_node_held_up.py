@@ -138,7 +138,7 @@ def at_rest(feedback, samples=60):
     return len(last) == samples and all(max(one) - min(one) < 1e-7 for one in columns)
 
 
-@pytest.mark.parametrize('stall', [0.015, 0.1, 1.0])
+@pytest.mark.parametrize('stall', [0.015, 0.1, pytest.param(1.0, marks=pytest.mark.long)])
 def test_a_node_that_is_held_up_makes_no_step(world, setpoints, stall):
     """Not at once, not when it goes on, and not where every tenth message is lost as well."""
     client, (speed, acceleration) = world.client, PACES['fast']

@@ -70,7 +70,7 @@ class Run:
 
 @pytest.fixture(
     scope='module',
-    params=[pytest.param('HS', marks=pytest.mark.long), *TYPES[1:]],
+    params=[one if one == 'HSHS' else pytest.param(one, marks=pytest.mark.long) for one in TYPES],
 )
 def run(request, tmp_path_factory):
     layouts, axes = {}, {}

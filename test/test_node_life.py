@@ -204,6 +204,7 @@ def test_a_thread_that_breaks_stops_the_axes_and_ends_the_node(breakable, part, 
     world.processes.remove(world.node)
 
 
+@pytest.mark.long
 def test_an_axis_that_breaks_stops_alone(breakable):
     """The node goes on, and so does the other axis."""
     world, setpoints, answers, trigger = breakable
@@ -275,6 +276,7 @@ def between_pauses(values, sent):
     return [values[a:b] for a, b in pairwise([0, *starts, len(values)])]
 
 
+@pytest.mark.long
 def test_a_sequence_in_a_namespace_with_position_commands(cell):
     client = cell.client
     commands = client.record(Float64MultiArray, 'position_commands')
