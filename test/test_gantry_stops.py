@@ -213,3 +213,38 @@ def test_a_gantry_keeps_its_directions(turned):
     assert gantry.axis.homed_position_of(follower) == pytest.approx(gantry.axis.position, abs=1e-6)
     assert gantry.home().error is Error.NoError
     assert gantry.worst < 1e-4
+
+
+# -------------------------------------------------------------------------------- repeated runs
+
+
+@pytest.mark.parametrize('changes', [{}, {'following_error': 0.0015, 'max_skew': 0.004}])
+def test_repeated_runs_do_not_add_up(changes):
+    """One side is deaf: the second run is refused or ends at once, until the servo was off."""
+    gantry = Gantry('HSHS', start=0.0, **changes)
+
+    def lose():
+        if gantry.axis.running and gantry.axis.profile.velocity > 0.05:
+            gantry.deaf.add(1)
+
+    gantry.on_cycle = lose
+    for _ in range(5):
+        gantry.deaf.clear()
+        assert gantry.home().error in (Error.SkewTooLarge, Error.FollowingError)
+    limit = gantry.parameters.max_skew
+    assert limit < abs(gantry.skews[0]) < limit + 0.0055  # as after one run: it stops from 0.2 m/s
+    assert 'switch its servo off and on' in gantry.axis.refusal(gantry.time).message
+    gantry.axis.set_servo(False)
+    gantry.axis.set_servo(True)
+    assert gantry.axis.refusal(gantry.time) is None
+
+
+def test_a_run_after_a_canceled_squaring_move_has_a_skew_of_its_own():
+    """The references were found: the move alone was toward square."""
+    gantry = Gantry('HSHS', (SideRig(), SideRig(skew=0.0019)))
+    gantry.until('Squaring', 15)
+    gantry.axis.cancel()
+    assert gantry.finish().error is Error.Canceled
+    assert 0.0 < gantry.skews[0] < 0.0018
+    assert gantry.home().error is Error.NoError
+    assert gantry.axis.largest_skew < 1e-4

@@ -13,6 +13,7 @@ from typing import Any
 from ..parameters.axis import AxisParameters
 from ..parameters.definition import InvalidParameters
 from ..parameters.gantry import group_parameters
+from ..procedures.motions import Kind
 from ..procedures.states import Error, Input
 from .axis import VELOCITY_SPAN, Axis, Setpoint
 from .ending import Ending
@@ -62,6 +63,7 @@ class GantryAxis(Axis):
         self.followers: tuple[Follower, ...] = ()
         self.largest_skew = 0.0
         self._run: GantryRun | None = None
+        self._apart: tuple[float, ...] = ()  # of a run that failed: the next one adds nothing
         self._group = group_parameters(parameters, followers.values())
         super().__init__(name, parameters, period, lead)
         self.followers = tuple(
@@ -135,6 +137,7 @@ class GantryAxis(Axis):
 
     def lose_home_of(self, name: str, error: Error, text: str) -> None:
         """Lose the home, because that of a follower is lost."""
+        self._apart = ()
         self._lose_home(error, f'{name}: {text}')
 
     def enable(self, enabled: bool) -> None:
@@ -149,9 +152,23 @@ class GantryAxis(Axis):
         self._lose_home(Error.ServoOff, text)
         super()._lose_servo(text, action)
 
+    def forget_coordinates(self) -> None:
+        """Forget the home and where things are: raw positions mean something else now."""
+        self._apart = ()
+        super().forget_coordinates()
+
+    def feedback_source_changed(self) -> None:
+        """Take that another publisher sends the feedback: a driver that has restarted."""
+        self._apart = ()
+        super().feedback_source_changed()
+
+    def _take_jump(self, jump: float, raw: float) -> None:
+        self._apart = ()
+        super()._take_jump(jump, raw)
+
     def _lose_rests(self) -> None:
         """Forget where the last run has left each side."""
-        self._rest = None
+        self._rest, self._apart = None, ()
         for follower in self.followers:
             follower.lose_rest()
 
@@ -171,6 +188,17 @@ class GantryAxis(Axis):
             unready = readings.unready(now, follower.parameters.joint) or readings.motion()
             if unready is not None:
                 return self._failed(unready.error, f'{follower.name}: {unready.seen}')
+        leader, limit = self.readings.track.position, self._group.max_skew
+        for follower, apart in zip(self.followers, self._apart, strict=bool(self._apart)):
+            skew = follower.readings.track.position - leader - apart
+            if abs(skew) > limit:
+                ahead = 'ahead of' if skew > 0.0 else 'behind'
+                return self._failed(
+                    Error.SkewTooLarge,
+                    f'{follower.name} is {abs(skew):.6g} m {ahead} the leader, more than '
+                    f'{limit:.6g} m (max_skew), since before the run that failed: square the '
+                    'gantry, then switch its servo off and on',
+                )
         return None
 
     def jog_refusal(self, now: float, jog: Jog) -> Outcome | None:
@@ -192,7 +220,7 @@ class GantryAxis(Axis):
                     follower,
                 )
             )
-        self._run = GantryRun(self._group, leader, sides, self.profile)
+        self._run = GantryRun(self._group, leader, sides, self.profile, self._apart)
         return GantryMachine(self._run, self.profile, now, self.readings.track.position)
 
     def cycles_were_missed(self, elapsed: float) -> None:
@@ -319,6 +347,9 @@ class GantryAxis(Axis):
         if run is not None:
             self._ended = run.members
             outcome = outcome._replace(members=self._ended)
+            alone = machine is not None and machine.row.motion.kind is Kind.SQUARE
+            known = outcome.error is Error.NoError or alone  # where the sides are: by references
+            self._apart = () if known or not self.servo_on else tuple(side.apart for side in run.followers)
         now = machine.now if machine is not None else 0.0
         silent = machine is None or machine.ending.silent or not machine.finished
         self._run = None

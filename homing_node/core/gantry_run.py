@@ -42,6 +42,7 @@ class GantryRun:
         leader: Side,
         followers: Sequence[Side],
         profile: Profile,
+        apart: Sequence[float] = (),
     ) -> None:
         """Begin a run; all sides rest.
 
@@ -50,12 +51,16 @@ class GantryRun:
             leader: the leader's side.
             followers: the followers' sides.
             profile: the leader's path.
+            apart: how far the followers' feedback is ahead of the leader's where no side is
+                ahead; (): as they stand.
         """
         self.parameters, self.leader, self.followers = parameters, leader, tuple(followers)
         self.sides = (leader, *followers)
         self.event, self.way = reference_of(parameters.procedure)
         for side in followers:
             side.apart = side.at_start = side.track.position - leader.track.position
+        for side, known in zip(followers, apart, strict=bool(apart)):
+            side.apart = known
         self.switches = GantrySwitches(parameters, leader, self.sides, self.event)
         self.rules = GantryRules(parameters, self.sides, self.switches, profile)
         self.squareness = Squareness(parameters, self.sides, self.event)
