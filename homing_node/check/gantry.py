@@ -21,8 +21,6 @@ from .stopping import stopping_distance
 
 #: What a follower alone need not have: a limit switch of any side stops all of them.
 OF_ANY_SIDE = frozenset({'end-unguarded', 'limit-not-wired', 'limit-without-action'})
-#: Part of a pitch that squareness may be off a whole number of pitches (core/gantry_run.py).
-OFF_PITCH = 0.25
 
 
 class Gantry(AxisCheck):
@@ -127,7 +125,7 @@ class Gantry(AxisCheck):
         pitch = layout.index_pitch if Input.Z_PULSE in p.procedure.inputs else 0.0
         turns = round(abs(off) / pitch) if pitch else 0
         offset = parameters.switch_offset
-        if turns and abs(abs(off) - turns * pitch) <= OFF_PITCH * pitch:
+        if turns:  # half a pitch or more: core/gantry_squareness.py
             yield Finding(
                 Severity.error,
                 name,

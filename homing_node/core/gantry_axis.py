@@ -349,7 +349,9 @@ class GantryAxis(Axis):
             outcome = outcome._replace(members=self._ended)
             alone = machine is not None and machine.row.motion.kind is Kind.SQUARE
             known = outcome.error is Error.NoError or alone  # where the sides are: by references
-            self._apart = () if known or not self.servo_on else tuple(side.apart for side in run.followers)
+            self._apart = (
+                () if known or not self.servo_on else tuple(side.apart for side in run.followers)
+            )
         now = machine.now if machine is not None else 0.0
         silent = machine is None or machine.ending.silent or not machine.finished
         self._run = None

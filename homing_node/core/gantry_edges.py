@@ -149,10 +149,18 @@ class Captures(Generic[SideT]):
     def note(self, side: SideT, edge: Edge) -> None:
         """Take the level of a side that has moved alone: its edge is none of the group."""
         self._on[side] = edge.rises
+        if len(set(self._on.values())) == 1:
+            self.level = edge.rises
 
-    def is_before(self, side: SideT, rises: bool) -> bool:
-        """Return whether a side stands before its reference (a rise, or a fall), or passed it."""
-        return self._on[side] is not rises or side in self._rises or side in self._falls
+    def not_before(self, rises: bool, way: int) -> list[SideT]:
+        """Return which sides do not stand before their reference, and have not captured it.
+
+        Args:
+            rises: the reference is a rise, else a fall.
+            way: which way it is passed: an edge the other way is another one.
+        """
+        captured = (self._rises if rises else self._falls) if self.way == way else {}
+        return [one for one in self.sides if self._on[one] is rises and one not in captured]
 
     @property
     def agree(self) -> bool:
@@ -161,10 +169,12 @@ class Captures(Generic[SideT]):
             return False
         return not self.level or all(self._on.values())
 
-    @property
-    def pending(self) -> tuple[Edge, SideT, list[SideT]] | None:
-        """The first edge of a group's edge that is not complete, its side, and who is missing."""
-        if not self.level:
+    def pending(self, rises: bool) -> tuple[Edge, SideT, list[SideT]] | None:
+        """Return the first edge of a group's edge that is not complete, its side, who is missing.
+
+        ``rises``: the group waits for a rise, whatever its level is.
+        """
+        if not self.level or (rises and self._rises):
             came, missing = self._rises, [one for one in self.sides if one not in self._rises]
         else:
             came, missing = self._falls, [one for one in self.sides if self._on[one]]

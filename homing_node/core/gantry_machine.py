@@ -37,14 +37,15 @@ from .signals import Edge, Mark
 PATIENCE = 0.1
 #: Another Z-pulse is further away than this part of the pitch.
 NEAREST_PULSE = 0.4
-#: A gantry goes back so often before its references at most.
-MOST_TRIES = 20
+#: A gantry goes back so often before its references at most; a limit that it comes to on that way
+#: gets one try, as the end of the travel is behind it.
+MOST_TRIES = 5
 
 
 class GantryMovement(Movement):
     """Commands the motions of a gantry: those of the table, the squaring move, the way back."""
 
-    __slots__ = ('_run', '_lead', '_back', '_tries', '_rests', '_square', '_proving')
+    __slots__ = ('_run', '_lead', '_back', '_tries', '_rests', '_split', '_square', '_proving')
 
     def __init__(
         self,
@@ -62,6 +63,7 @@ class GantryMovement(Movement):
         self._back = feedback
         self._tries = 0
         self._rests = inf
+        self._split = False  # some sides stood before their references, and others did not
         self._square: SquaringMove | None = None
         self._proving = False
 
@@ -94,7 +96,7 @@ class GantryMovement(Movement):
         """Prepare the way back before the references, of which each has moved with its side."""
         run, p = self._run, self._parameters
         run.forget_edges(now)
-        self._tries, self._rests = 0, inf
+        self._tries, self._rests, self._split = 0, inf, False
         way = run.way
         places = [mark.position - side.offset for side, mark in run.squareness.found.items()]
         first = min(places, key=lambda place: place * way)
@@ -129,23 +131,30 @@ class GantryMovement(Movement):
             return ended
         return (Event.DONE, Mark(feedback)) if ended else None
 
-    def _is_back(self, now: float, feedback: float, interval: float) -> Found | None:
+    def _is_back(self, now: float, feedback: float, interval: float) -> Found | Failure | None:
         """Return the end of the way back, once each side stands before its switch again.
 
-        A switch with a wide hysteresis needs a longer way.
+        A switch with a wide hysteresis needs a longer way. Where some sides are there, the others
+        get one try more.
         """
         if not self._profile.done:
             self._rests = inf
             return None
         self._rests = min(self._rests, now)
-        latched = self._run.event in EVENTS.values()
-        if latched or self._run.switches.is_before() or self._tries == MOST_TRIES:
+        run, step = self._run, self._run_up(self._parameters)
+        latched = run.event in EVENTS.values()
+        missing = [] if latched else run.switches.not_before(run.way)
+        if not missing:
             return Event.DONE, Mark(feedback)
-        if now - self._rests > PATIENCE:
-            self._tries += 1
-            self._rests = inf
-            self._back -= self._run.way * self._run_up(self._parameters)
-            self._profile.move(self._back, self._dynamics[Pace.FAST])
+        if now - self._rests <= PATIENCE:
+            return None
+        into_limit = run.way is Way.AWAY and run.switches.guards_reference
+        split = len(missing) < len(run.squareness.found)
+        if self._tries == (0 if into_limit else MOST_TRIES) or (split and self._split):
+            return run.switches.not_back(missing, (self._tries + 1) * step)
+        self._tries, self._rests, self._split = self._tries + 1, inf, split
+        self._back -= run.way * step
+        self._profile.move(self._back, self._dynamics[Pace.FAST])
         return None
 
     def _latched(self, now: float, feedback: float, interval: float) -> Found | Failure | None:
@@ -267,8 +276,11 @@ class GantryMachine(Machine):
         """Return what follows the reference: the last move, the squaring move, or the end."""
         run = self.run
         if proved:
+            found = self.passes.mean
             run.measure([self._cause])
-            return run.squareness.unproven(), HOME_SHIFT_MOVE
+            failure = run.squareness.unproven()
+            failure = failure or run.squareness.moved(found, self.parameters.edge_agreement)
+            return failure, HOME_SHIFT_MOVE
         run.measure(self.passes.fine)
         moves = run.squareness.moves()
         if isinstance(moves, Failure):

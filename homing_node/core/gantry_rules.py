@@ -18,7 +18,7 @@ from ..procedures.motions import Kind
 from ..procedures.states import Error, Input
 from .gantry_edges import GroupEdge
 from .gantry_side import Side, place_at, time_at
-from .gantry_switches import GantrySwitches, awaited
+from .gantry_switches import GantrySwitches, awaited, awaits_rise
 from .machine import Machine
 from .outcome import Failure
 from .profile import Profile
@@ -147,7 +147,7 @@ class GantryRules:
         for source, captures in self._switches.captures.items():
             if captures.agree or not awaited(row, source is Input.HOME_SWITCH):
                 continue
-            found = captures.pending
+            found = captures.pending(awaits_rise(row, source is Input.HOME_SWITCH))
             if found is not None:
                 edge, first, missing = found
                 if captures.way != row.motion.way:

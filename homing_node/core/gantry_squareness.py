@@ -19,9 +19,6 @@ from .gantry_side import Side
 from .outcome import Failure
 from .signals import Mark
 
-#: The part of a pitch by which squareness may differ from a whole number of pitches.
-OFF_PITCH = 0.25
-
 
 class Deviation(NamedTuple):
     """How far a side is out of square, and how far that may be off."""
@@ -70,7 +67,7 @@ class Squareness:
         """Return by how much each follower must move to be square, or why it must not."""
         p = self._p
         errors = {side: error.value for side, error in self.errors.items()}
-        for side, error in errors.items():
+        for side, error in self.errors.items():
             ambiguous = self._ambiguous(side, error)
             if ambiguous is not None:
                 return ambiguous
@@ -87,19 +84,52 @@ class Squareness:
             return {}
         return {side: error for side, error in errors.items() if abs(error) > p.square_tolerance}
 
-    def _ambiguous(self, side: Side, error: float) -> Failure | None:
-        """Return why the Z-pulse of a side may belong to another turn."""
+    def _ambiguous(self, side: Side, error: Deviation) -> Failure | None:
+        """Return why the Z-pulse of a side may belong to another turn.
+
+        A gantry that may be out of square by half a pitch does not tell the turns apart.
+        """
         pitch = side.latches.pitch
         if not self._by_pulse or not pitch:
             return None
-        turns = round(abs(error) / pitch)
-        if not turns or abs(abs(error) - turns * pitch) > OFF_PITCH * pitch:
+        half, skew = 0.5 * pitch, self._p.max_skew
+        if skew >= half:
+            return Failure(
+                Error.IndexAmbiguous,
+                f'max_skew is {skew:.6g} m: half the distance of the Z-pulses of {side.name} or '
+                f'more, {half:.6g} m, so that a pulse may be that of another turn',
+                'make max_skew smaller, or home on the switches',
+            )
+        if abs(error.value) <= half - error.uncertainty:
             return None
+        turns = max(1, round(abs(error.value) / pitch))
         return Failure(
             Error.IndexAmbiguous,
-            f'the Z-pulse of {side.name} is {error:.6g} m from where it belongs, about '
+            f'the Z-pulse of {side.name} is {error.value:.6g} m from where it belongs, about '
             f'{turns} x {pitch:.6g} m, the distance of the pulses',
             "does its home switch arm the pulse of the same turn as the leader's?",
+        )
+
+    def moved(self, before: Mark, agreement: float) -> Failure | None:
+        """Return why the proving pass contradicts the first ones: the leader has not moved alone.
+
+        Args:
+            before: where they have found the leader's reference.
+            agreement: how far apart they may be, besides what is uncertain.
+        """
+        again = self.found.get(self._leader)
+        if again is None:
+            return None
+        apart = abs(again.position - before.position)
+        unsure = again.uncertainty + before.uncertainty
+        if apart <= agreement + unsure:
+            return None
+        return Failure(
+            Error.EdgeNotRepeated,
+            f'the proving pass found the reference of {self._leader.name} {apart:.6g} m from '
+            f'where it was, more than {agreement:.6g} m (edge_tolerance) and both '
+            f'uncertainties, {unsure:.6g} m',
+            'noise on the switch, or late messages?',
         )
 
     def unproven(self) -> Failure | None:

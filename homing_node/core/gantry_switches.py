@@ -5,7 +5,7 @@ The home switch and the limit that the type homes on are *captured*: their edges
 last side's has come. Any other limit is that of the group as soon as one side's is on.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 
 from ..parameters.axis import AxisParameters, switch_inputs
@@ -49,6 +49,7 @@ class GantrySwitches:
         self._target = parameters.limit_switch(target, Way.TOWARD) if target else None
         on_limit = event in (Event.LS_RISES, Event.LS_FALLS)
         self._reference = self._target if on_limit else Input.HOME_SWITCH
+        self._on_home_switch = event in (Event.HS_RISES, Event.HS_FALLS)
         self._rises = event in (Event.HS_RISES, Event.LS_RISES)
         self._near = parameters.edge_agreement
         self._inputs: Mapping[Side, Mapping[Input, Input]] = {
@@ -131,12 +132,29 @@ class GantrySwitches:
         for captures in self.captures.values():
             captures.forget()
 
-    def is_before(self) -> bool:
-        """Return whether each side stands before its reference switch again."""
+    def not_before(self, way: Way) -> list[Side]:
+        """Return which sides do not stand before their reference switch yet.
+
+        ``way``: which way the reference is passed.
+        """
         captures = self.captures.get(self._reference) if self._reference else None
-        return captures is None or all(
-            captures.is_before(side, self._rises) for side in captures.sides
+        return [] if captures is None else captures.not_before(self._rises, way)
+
+    def not_back(self, missing: Sequence[Side], far: float) -> Failure:
+        """Return that sides do not come to stand before their reference switch."""
+        names, change = ', '.join(side.name for side in missing), 'fall' if self._rises else 'rise'
+        source = self._reference or Input.HOME_SWITCH
+        return Failure(
+            Error.FollowerSwitchMissing,
+            f'the {source.text} of {names} did not {change} on the way back, {far:.6g} m beyond '
+            'the references',
+            'is it stuck, its cable cut, or its hysteresis wider than homing_reverse_distance?',
         )
+
+    @property
+    def guards_reference(self) -> bool:
+        """Whether the reference is a limit switch."""
+        return self._reference in LIMIT_SWITCHES
 
     def blocked(self, moves: Mapping[Side, float]) -> Failure | None:
         """Return which limit that is on forbids a move of a follower alone."""
@@ -175,7 +193,8 @@ class GantrySwitches:
 
     def _limit_rises(self, side: Side, source: Input, machine: Machine) -> None:
         kind, stopping = machine.row.motion.kind, machine.ending.stopping
-        if source is self._target and kind in (Kind.BACK, Kind.SQUARE):
+        near = kind is Kind.SQUARE or (kind is Kind.BACK and not self._on_home_switch)
+        if source is self._target and near:
             return  # the gantry is near its reference: both are bounded
         if source is self._target is self._reference and kind is Kind.HOME and not self._rises:
             home = self.home.get(side)
@@ -187,7 +206,8 @@ class GantrySwitches:
         else:
             machine.limit_rises(source)
         if machine.ending.stopping and not stopping:
-            machine.ending.message += f' (the limit switch of {side.name})'
+            seen, then, hint = machine.ending.message.partition('; ')
+            machine.ending.message = f'{seen} (the limit switch of {side.name}){then}{hint}'
 
     def _unused(self, side: Side, source: Input, edge: Edge, machine: Machine) -> None:
         """Take the edge of a switch that a follower has, but does not home on."""
@@ -203,3 +223,8 @@ def awaited(row: Row, home_switch: bool) -> bool:
     if home_switch:
         return Event.HS_RISES in row.on or Event.HS_FALLS in row.on
     return Event.LS_RISES in row.on or Event.LS_FALLS in row.on
+
+
+def awaits_rise(row: Row, home_switch: bool) -> bool:
+    """Return whether a row waits for a rise of the home switch, or of the target limit."""
+    return (Event.HS_RISES if home_switch else Event.LS_RISES) in row.on
