@@ -12,8 +12,10 @@ import math
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import NamedTuple
@@ -182,28 +184,39 @@ def parts_of(page):
 
 
 def pasted(script, folder, timeout):
-    """Run a script in a domain of its own; return what it said."""
+    """Run a script in a domain of its own; return what it said. None of its processes stays."""
     domain = ros.Domain()
+    shell = subprocess.Popen(
+        ['bash', '-c', '\n'.join(script)],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        env={
+            **os.environ,
+            'ROS_DOMAIN_ID': str(domain.number),
+            'ROS_HOME': str(folder / 'ros_home'),
+            'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}',
+        },
+    )
     try:
-        ran = subprocess.run(
-            ['bash', '-c', '\n'.join(script)],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=False,
-            env={
-                **os.environ,
-                'ROS_DOMAIN_ID': str(domain.number),
-                'ROS_HOME': str(folder / 'ros_home'),
-                'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}',
-            },
-        )
+        output = shell.communicate(timeout=timeout)[0]
     finally:
+        end_session(shell.pid)
+        shell.wait()
         domain.release()
-    output = ran.stdout + ran.stderr
-    assert ran.returncode == 0, output
+    assert shell.returncode == 0, output
     return output
+
+
+def end_session(leader):
+    """Kill every process of a session: the jobs of a shell are in groups of their own."""
+    for stat in Path('/proc').glob('[0-9]*/stat'):
+        with suppress(OSError):
+            session = stat.read_text().rpartition(')')[2].split()[3]
+            if int(session) == leader:
+                os.kill(int(stat.parent.name), signal.SIGKILL)
 
 
 @pytest.mark.long
