@@ -23,7 +23,7 @@ from typing import NamedTuple
 import pytest
 import ros_harness as ros
 import yaml
-from homing_interfaces.action import Home
+from homing_interfaces.action import Home, Jog
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.action import get_action_names_and_types
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -471,9 +471,16 @@ def test_action_goals(demo):
     assert found
     for words in found:
         name, kind, goal = [word for word in words[3:] if not word.startswith('-')]
+        values = yaml.safe_load(goal)
+        if kind.endswith('/Jog'):
+            assert Jog.Goal(**values).axis in {'x', 'y', 'z'}
+        elif name.startswith('/homing_node/'):
+            assert set(Home.Goal(**values).axes) <= {'x', 'y', 'z'}
+        else:
+            assert name == '/homing_coordinator/home' and Home.Goal(**values) is not None
+            continue
         demo.client.until(lambda n=name: look(n), what=name)
         assert look(name) == kind
-        assert set(Home.Goal(**yaml.safe_load(goal)).axes) <= {'x', 'y', 'z'}
 
 
 def test_topics(demo):

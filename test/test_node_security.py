@@ -21,6 +21,7 @@ ELSEWHERE = {
     '/clock',
     '/homing_node/position_commands',
     '/homing_node/dof_commands',
+    '/homing_node/*/deadman',  # in a jog with a deadman
     # of a controller and its manager, which are not here
     '/*/get_parameters',
     '/*/list_parameters',
