@@ -122,7 +122,7 @@ def test_numbers_are_cast():
 def test_home_message():
     homed = Outcome(Error.NoError, '', 0.123456789123, -0.5, 1.23456e-5)
     assert messages.home_message({'x': homed}) == (
-        'Homed: home_position_raw=0.123457 m ± 12.3 µm home_offset=-0.500000 m '
+        'Homed: home_position_raw=0.123456789 m ± 12.3 µm home_offset=-0.500000000 m '
         'uncertainty=1.23e-05 m'
     )
     rotary = homed._replace(unit=Unit.rad, duration=2.583, uncertainty=2e-8, index_margin=0.5)
@@ -132,7 +132,7 @@ def test_home_message():
     )
     passes = homed._replace(passes=3, passes_range=2e-6, passes_deviation=1e-6, applied=0.25)
     assert messages.home_message({'x': passes}).endswith(
-        ' passes=3 range=2 µm deviation=1 µm applied=0.250000 m'
+        ' passes=3 range=2 µm deviation=1 µm applied=0.250000000 m'
     )
     failed = Outcome(Error.LSTriggered, 'axis x: …')
     canceled = Outcome(Error.Canceled, 'axis y: …')

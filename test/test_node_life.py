@@ -276,7 +276,6 @@ def between_pauses(values, sent):
     return [values[a:b] for a, b in pairwise([0, *starts, len(values)])]
 
 
-@pytest.mark.long
 def test_a_sequence_in_a_namespace_with_position_commands(cell):
     client = cell.client
     commands = client.record(Float64MultiArray, 'position_commands')

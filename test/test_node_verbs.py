@@ -201,7 +201,7 @@ def test_survey(world, homing, tmp_path, monkeypatch):
     home, limit = found.switches['home_switch'], found.switches['positive_limit_switch']
     assert (home.on_from, home.on_to) == pytest.approx((0.055, 0.061), abs=3e-4), told
     assert limit.on_from == pytest.approx(0.08, abs=3e-4) and limit.on_to == float('inf')
-    assert found.lag == pytest.approx(0.005, abs=0.004), told
+    assert 0.005 < found.lag < 0.03, told  # that of the drive, and what messages and cycles take
     assert 'negative_limit_switch: it stayed off' in told
     status, _, err = homing(*wanted, '--yes')
     assert status == 2 and 'is there already' in err

@@ -133,7 +133,7 @@ def test_another_home_is_a_change():
         (
             Outcome(Error.NoError, '', 0.25, 0.25, 1e-5),
             'info',
-            'axis a0: Homed: home_position_raw=0.250000 m ± 10 µm home_offset=0.250000 m '
+            'axis a0: Homed: home_position_raw=0.250000000 m ± 10 µm home_offset=0.250000000 m '
             'uncertainty=1e-05 m',
         ),
         (Outcome(Error.Canceled, 'axis a0: canceled'), 'warning', 'Canceled: axis a0: canceled'),

@@ -174,9 +174,7 @@ class Cycle:
             except Exception as error:
                 if self._inputs_ignored:  # the stop has broken, too
                     raise
-                self._logger.fatal(f'the cycle broke, every axis stops: {error!r}')
-                self.broken = self._inputs_ignored = True
-                self.stop()
+                self._break_off(error)
 
     def _once(self, now: float, due: float) -> None:
         """Poll the inputs, update the axes, publish setpoints, answer the requests that ended."""
@@ -186,8 +184,11 @@ class Cycle:
             self._watched = now
         with self._lock:
             if not self._inputs_ignored:
-                self._inputs.poll()
-                look = watching and self._inputs.watch()
+                try:
+                    self._inputs.poll()
+                    look = watching and self._inputs.watch()
+                except Exception as error:  # the axes must not miss the cycle
+                    self._break_off(error)
             if self._stop_requested:
                 self._dispatch.close()
             for name, axis in self._axes.items():
@@ -226,6 +227,12 @@ class Cycle:
             self._waits.call(self._controllers.look)
         if finished:
             self._finish()
+
+    def _break_off(self, error: Exception) -> None:
+        """Let every axis stop, and the node end, because a cycle has raised."""
+        self._logger.fatal(f'the cycle broke, every axis stops: {error!r}')
+        self.broken = self._inputs_ignored = True
+        self.stop()
 
     def _hand_over(self, asks: Mapping[str, int]) -> None:
         """Let the executor ask what hand-overs ask now."""

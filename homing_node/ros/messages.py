@@ -175,9 +175,9 @@ def _home_text(outcome: Outcome) -> str:
 
 
 def place(value: float, uncertainty: float) -> str:
-    """Return a position with as many digits as are known, but at least six behind the point."""
+    """Return a position with nine digits behind the point, more if more are known."""
     known = 1 - math.floor(math.log10(uncertainty)) if uncertainty > 0.0 else 0
-    return f'{value:.{min(max(6, known), 12)}f}'
+    return f'{value:.{min(max(9, known), 12)}f}'
 
 
 def _warned(text: str, outcome: Outcome) -> str:
