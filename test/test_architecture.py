@@ -64,7 +64,7 @@ PURE_LIBRARY = {
 #: The rooms that know ROS.
 ROS_ROOMS = ['ros', 'client']
 #: What of the command needs ROS: it is imported when a verb runs, so that the others need none.
-ROS_VERBS = {'cli/doctor.py', 'cli/live.py', 'cli/survey.py', 'cli/watch.py'}
+ROS_VERBS = {'cli/doctor.py', 'cli/live.py', 'cli/record.py', 'cli/survey.py', 'cli/watch.py'}
 #: What the node never needs.
 TOOLS = {'rehearsal', 'survey', 'convert', 'figures', 'cli', 'client', 'course'}
 ROS = {

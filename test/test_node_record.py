@@ -2,6 +2,9 @@
 """The records between processes: a run that homes, and a node that is killed in a run."""
 
 import io
+import os
+import subprocess
+import sys
 
 import pytest
 import ros_harness as ros
@@ -61,6 +64,50 @@ def test_a_run_is_recorded(world):
     assert reader.get_summary().statistics.message_count == sum(
         1 for _ in reader.iter_decoded_messages()
     )
+
+
+def test_homing_record_records_a_run_from_outside(world, tmp_path):
+    """By the topics alone; the picture and the home are those of the node's own record."""
+    own = set(world.records.glob('*.mcap'))
+    file = tmp_path / 'run.mcap'
+    command = 'import sys; from homing_node.cli import main; sys.exit(main())'
+    child = subprocess.Popen(
+        [sys.executable, '-c', command, 'record', 'x', '-o', str(file)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(world.domain.number)},
+    )
+    try:
+        first = child.stdout.readline()
+        assert first == 'waiting for a run of x of /homing_node\n', child.communicate()
+        answer = world.client.home('x')['x']
+        assert answer.success, answer.message
+        out, err = child.communicate(timeout=ros.PATIENCE)
+    finally:
+        child.kill()
+    assert (child.returncode, err, out) == (0, '', f'wrote {file}: x NoError\n')
+    found = reading.read(file)
+    fresh = world.client.until(
+        lambda: [
+            p for p in set(world.records.glob('*.mcap')) - own if name_of(p).ended == 'Homed'
+        ],
+        what="the node's own record",
+    )
+    same = reading.read(fresh[0])
+    assert not found.cut and found.course.outcome == same.course.outcome
+    assert found.course.states == same.course.states
+    assert len(found.course.samples) > 0.8 * len(same.course.samples)
+    assert found.node == '/homing_node'
+    files = [yaml_file.parsed(one.parameters.encode(), file, one.node) for one in (found, same)]
+    assert files[0].values == files[1].values
+    switched = [one for one in found.course.happenings if one.input == 'home_switch']
+    assert [one.value for one in switched[:2]] == [True, False]
+    assert switched[0].position == pytest.approx(0.05, abs=0.005)
+    assert max(abs(one.position - one.feedback) for one in found.course.samples) < 0.005
+    picture = tmp_path / 'run.png'
+    assert cli.main(['plot', str(file)]) == 0
+    assert picture.stat().st_size > 10_000
 
 
 def test_markers_show_home_to_who_comes_late(world):

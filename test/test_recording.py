@@ -12,13 +12,14 @@ from homing_interfaces.msg import AxisState
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.serialization import deserialize_message, serialize_message
-from record_rig import OFFSET, Recorded
+from record_rig import OFFSET, PARAMETERS, Recorded
 
 from homing_node.core.outcome import Outcome
 from homing_node.memory.disk import Disk
 from homing_node.procedures.states import Error, Input
 from homing_node.recording import reading
 from homing_node.recording.folder import RecordFolder, name_of
+from homing_node.recording.heard import BEFORE, Described, Heard, HeardRuns, Said
 from homing_node.recording.mcap_file import McapFile
 from homing_node.recording.tap import LONGEST_WAIT, Tap
 from homing_node.ros import messages
@@ -467,3 +468,55 @@ def test_the_state_in_a_record_is_the_message(tmp_path):
             assert getattr(states[-1].message, name) == getattr(last, name), name
     assert list(states[-1].message.inputs) == last.inputs
     assert home_of(rig('HS').home()) == states[-1].message.home_position_raw
+
+
+# -- heard from outside -------------------------------------------------------------------------
+
+
+def test_what_is_heard_from_outside_is_the_same_run(tmp_path):
+    """Fed with the node's messages by a host whose clock is 100 s behind, after a long wait."""
+    _, file = record_of(rig('HSHS'), tmp_path)
+    behind, kind = 100 * 10**9, 'homing_interfaces/msg/AxisState'
+    heard = tmp_path / 'heard.mcap'
+    described = [Described('x', {'joint': 'x', 'unit': 'm'}, PARAMETERS)]
+    messages_of = sorted(reader_of(file).iter_messages(), key=lambda one: one[2].log_time)
+    begun = messages_of[0][2].log_time
+    with heard.open('wb') as data:
+        runs = HeardRuns(data, '/homing_node', '1', lambda: described, RecordMessages())
+        idle = serialize_message(AxisState(axis='x', state='Idle'))
+        topic = '/homing_node/x/state'
+        for before in (30, 20):  # s
+            stamp = begun - before * 10**9
+            late = 20 * 10**9 if before == 30 else 0  # it was published long ago
+            runs.state(
+                Heard(topic, kind, stamp + late - behind, idle), Said('x', stamp, True, 'NoError')
+            )
+        level = RecordMessages().level.rows(data=[False])[0].tobytes()
+        runs.take(
+            Heard(
+                '/homing_node/x/home_switch', 'std_msgs/msg/Bool', begun - behind - 10**10, level
+            )
+        )
+        runs.flush()
+        assert not runs.begun and heard.stat().st_size == 0
+        for schema, channel, message in messages_of:
+            if channel.topic.endswith(('/edges', '/parameters')):
+                continue
+            one = Heard(channel.topic, schema.name, message.log_time - behind, message.data)
+            if schema.name != kind:
+                runs.take(one)
+                continue
+            state = deserialize_message(message.data, AxisState)
+            idle_now = state.state == 'Idle'
+            runs.state(one, Said('x', message.publish_time, idle_now, state.error))
+        assert runs.over and runs.ended == {'x': 'NoError'}
+        runs.finish('Cut')
+    own, found = reading.read(file), reading.read(heard)
+    assert not found.cut and found.parameters == PARAMETERS
+    assert found.course.samples == own.course.samples and len(own.course.samples) > 50
+    assert found.course.outcome == own.course.outcome
+    switched = [(one.input, one.value) for one in found.course.happenings]
+    assert switched and switched == [(one.input, one.value) for one in own.course.happenings]
+    times = [message.log_time for *_, message in reader_of(heard).iter_messages()]
+    assert times[0] == begun - BEFORE
+    assert reader_of(heard).get_summary().statistics.message_count == len(times)

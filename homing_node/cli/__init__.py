@@ -23,6 +23,7 @@ from . import (
     home,
     plot,
     propose,
+    record,
     repeat,
     resume,
     run,
@@ -53,6 +54,7 @@ At the machine, with a homing_node that runs (these need ROS; * moves axes):
   homing cancel                                    stop, and wait until the axes are at rest
   homing continue                                * go on after a pause (pause_mode)
   homing repeat x                                * home ten times: how far do the homes spread?
+  homing record x -o run.mcap                      record the next run, reading only
 
 At the desk:
   homing check axes.yaml --layout machine.yaml     prove a configuration before the first motion
@@ -77,6 +79,7 @@ COMMANDS = {
     'continue': resume,
     'repeat': repeat,
     'survey': survey,
+    'record': record,
     'check': check,
     'run': run,
     'propose': propose,

@@ -144,7 +144,7 @@ def read(path: Path, axis: str = '') -> RunRecord:
 
     Args:
         path: The file.
-        axis: The axis; '' where there is one alone.
+        axis: The axis; '' where there is one alone, or one alone has a run.
 
     Raises:
         NoRun: There is no run of such an axis in it.
@@ -156,10 +156,12 @@ def read(path: Path, axis: str = '') -> RunRecord:
         raise NoRun(f'{path}: no state of an axis in it: no topic of type {AXIS_STATE}')
     if axis and axis not in states:
         raise NoRun(f'{path}: no axis {axis!r} in it, only {", ".join(states)}')
+    ran = [name for name, told in states.items() if _last_run(told)[0]]
+    axis = axis or (ran[0] if len(ran) == 1 else '')
     if not axis and len(states) > 1:
         raise NoRun(f'{path}: it has the axes {", ".join(states)}; say which with --axis')
     axis = axis or next(iter(states))
-    about = found.metadata.get(ABOUT, {})
+    about = found.metadata.get(f'{ABOUT}/{axis}') or found.metadata.get(ABOUT, {})
     node = next(
         topic.removesuffix(f'/{axis}/state')
         for topic, messages in found.of(AXIS_STATE)
