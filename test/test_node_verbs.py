@@ -189,6 +189,7 @@ def test_jog(world, homing):
         assert [one.input for one in limit.edges][-1] == 'positive_limit_switch'
 
 
+@pytest.mark.long
 def test_survey(world, homing, tmp_path, monkeypatch):
     """The layout that is written is the plant's, within what the file says."""
     world.client.home('x')
