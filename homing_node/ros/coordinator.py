@@ -6,23 +6,18 @@ and keeps axes locked whose prerequisites do not hold (coordination/). Its actio
 state topics are those of a homing node; an axis of it is `<cell>/<axis>`.
 """
 
-import signal
-import sys
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import rclpy
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -31,10 +26,9 @@ from ..coordination.preview import Preview
 from ..coordination.request import Request
 from ..core.locks import REPEATED
 from ..core.outcome import Outcome
-from ..parameters.definition import InvalidParameters
 from ..parameters.line import LINE_DEFINITIONS, cell_of, line
 from ..procedures.states import Error
-from . import cell_messages
+from . import cell_messages, process
 from .axis_services import AxisServices, trigger
 from .cell_link import CellLink
 from .declaring_node import DeclaringNode
@@ -275,39 +269,16 @@ class HomingCoordinator(DeclaringNode):
                 )
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the coordinator until SIGINT or SIGTERM; return the exit status."""
-    signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: signals.append(number))
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # rcl cannot read a parameter file
-        print(f'homing_coordinator: {error}', file=sys.stderr)
-        return 1
-    try:
-        node = HomingCoordinator()
-    except InvalidParameters as error:
-        text = 'homing_coordinator: the parameters are not valid:'
-        print(text, *error.faults, sep='\n  ', file=sys.stderr)
-        return 1
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    node.start()
-    while not signals:
-        executor.spin_once(timeout_sec=0.1)
+def _end(node: HomingCoordinator, work: Callable[[], None]) -> None:
+    """Stop what homes, and let the last answers leave."""
     node.stop()
     while not node.finished:
-        executor.spin_once(timeout_sec=0.01)
+        work()
     end = time.monotonic() + LINGER
     while time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.01)
-    node.close()
-    executor.shutdown(1.0)
-    node.destroy_node()
-    rclpy.shutdown()
-    return 0
+        work()
 
 
-if __name__ == '__main__':
-    sys.exit(main())
+def main(args: list[str] | None = None) -> int:
+    """Run the coordinator until SIGINT or SIGTERM; return the exit status."""
+    return process.run('homing_coordinator', HomingCoordinator, args, _end)

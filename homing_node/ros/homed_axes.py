@@ -6,7 +6,6 @@ world for the controllers, shifted by the home of each axis. It knows a home fro
 and goes on when that one restarts; it moves no axis whose home is not known (relay/known_home.py).
 """
 
-import signal
 import sys
 import threading
 import time
@@ -14,20 +13,16 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import rclpy
 from homing_interfaces.msg import AxisState
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.signals import SignalHandlerOptions
 
-from ..parameters.definition import InvalidParameters
 from ..procedures.states import Apply, Error, State
 from ..relay.known_home import KnownHome
-from . import graph, messages, relay_motion
+from . import graph, messages, process, relay_motion
 from .relay_joint_states import JointStateThread
 from .relay_motion import ControllerRelay
 from .relay_settings import HOME, home_of, settings_from
@@ -188,36 +183,14 @@ class HomedAxes(Node):
                 axis.told(float(parameter.value))
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the relay until SIGINT or SIGTERM; return the exit status."""
-    signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: signals.append(number))
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # rcl cannot read a parameter file
-        print(f'homed_axes: {error}', file=sys.stderr)
-        return 1
-    try:
-        node = HomedAxes()
-    except InvalidParameters as error:
-        text = 'homed_axes: the parameters are not valid:'
-        print(text, *error.faults, sep='\n  ', file=sys.stderr)
-        return 1
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    sys.setswitchinterval(SWITCH_INTERVAL)
-    node.start()
-    while not signals:
-        executor.spin_once(timeout_sec=0.1)
+def _end(node: HomedAxes, work: Callable[[], None]) -> None:
+    """Give the goals up, and wait for the controllers to end them."""
     end = time.monotonic() + FAREWELL
     while node.stop() and time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.01)
-    node.close()
-    node.destroy_node()
-    rclpy.shutdown()
-    return 0
+        work()
 
 
-if __name__ == '__main__':
-    sys.exit(main())
+def main(args: list[str] | None = None) -> int:
+    """Run the relay until SIGINT or SIGTERM; return the exit status."""
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    return process.run('homed_axes', HomedAxes, args, _end)
