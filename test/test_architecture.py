@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / 'homing_node'
 
 #: The rooms, from the ground up: each imports only from itself and from rooms above it here.
 ROOMS = [
+    'version',
     'procedures',
     'language',
     'parameters',

@@ -127,6 +127,12 @@ def test_a_follower_cannot_be_asked_for_alone(world):
     assert '/homing_node/y/home' in names and not any('/y2/' in name for name in names)
 
 
+def test_the_direction_of_a_gantry_stays(world):
+    """With another one a mirrored side would be driven against the others."""
+    result = world.client.set(y__home_direction='Negative')
+    assert not result.successful and 'y.home_direction' in result.reason
+
+
 def test_a_dead_switch_of_a_follower_stops_both_sides(world):
     client = world.client
     setpoints = client.record(JointTrajectory, 'setpoints')

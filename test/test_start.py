@@ -4,12 +4,14 @@
 import re
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from homing_node import start
+from homing_node.version import version
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -82,3 +84,13 @@ def test_the_module_loads_nothing_else_of_ours():
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     assert done.stdout == "['homing_node.start']\n"
+
+
+def test_without_an_installation_the_version_is_not_known(monkeypatch):
+    """A node of sources on a path starts, and its records say so."""
+
+    def missing(name):
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, 'version', missing)
+    assert version() == 'unknown'

@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from importlib import metadata
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,6 +19,7 @@ from ..memory.folder import folder_path
 from ..parameters import yaml_file
 from ..recording.folder import CUT, RecordFolder
 from ..recording.tap import Tap
+from ..version import version
 from .configured_node import ConfiguredNode
 from .record_messages import RecordMessages
 from .timebase import TimeBase
@@ -260,12 +260,11 @@ def recorder_of(
     checked, name = node.configuration, node.get_fully_qualified_name()
     path = folder_path(checked.record, name, os.environ)
     folder = path and RecordFolder(path, name, checked.record_runs, checked.record_failures)
-    version = metadata.version('homing_node')
 
     def describe(axis: Axis) -> tuple[dict[str, str], str]:
         p = axis.parameters
         values = {
-            'version': version,
+            'version': version(),
             'node': name,
             'axis': axis.name,
             'joint': p.joint or axis.name,

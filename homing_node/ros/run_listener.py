@@ -8,7 +8,6 @@ nothing is published.
 import os
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
-from importlib import metadata
 from typing import Any, BinaryIO
 
 import rclpy
@@ -33,6 +32,7 @@ from ..parameters.node_fields import NODE_DEFINITIONS
 from ..procedures.states import LATCHES, State
 from ..recording.heard import Described, Heard, HeardRuns, Said
 from ..recording.run_file import AXIS_STATE, BOOL, FLOAT64, JOINT_STATE, JOINT_TRAJECTORY
+from ..version import version
 from . import graph, message_types, messages
 from .asking import Parameters
 from .configured_node import OF_SEVERAL
@@ -121,14 +121,14 @@ class Listener:
     def record(self, file: BinaryIO, axes: Collection[str]) -> HeardRuns:
         """Begin to listen; return the record of the runs of some axes."""
         assert self.checked is not None
-        version = metadata.version('homing_node')
+        made_by = version()
 
         def describe() -> Iterator[Described]:
             for axis in axes:
                 values = self._of_axis(axis)
-                yield Described(axis, self._about(axis, version), values)
+                yield Described(axis, self._about(axis, made_by), values)
 
-        runs = HeardRuns(file, self.target, version, describe, self._messages)
+        runs = HeardRuns(file, self.target, made_by, describe, self._messages)
         for axis in axes:
             topic = f'{self.target}/{axis}/state'
             self._want(topic, self._state_use(runs, axis, topic))
