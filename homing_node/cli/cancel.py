@@ -3,7 +3,7 @@
 
 import argparse
 
-from .common import FAILED, OK, Failure, add_node
+from .common import FAILED, OK, Failure, add_axes, add_node
 from .live import STATUS, connected
 
 TEXT = """\
@@ -23,7 +23,7 @@ FAILURE = 'the node did not do it'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('axes', metavar='AXIS', nargs='*', help='the names of axes (default: all)')
+    add_axes(parser)
     add_node(parser)
 
 

@@ -45,6 +45,10 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_axes(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('axes', metavar='AXIS', nargs='*', help='the names of axes (default: all)')
+
+
 def add_node(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--node',

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from .common import FAILED, OK, Failure, add_node, console
+from .common import FAILED, OK, Failure, add_axes, add_node, console
 from .live import STATUS, connected
 from .progress import Display
 
@@ -30,7 +30,7 @@ FAILURE = 'an axis was not homed'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('axes', metavar='AXIS', nargs='*', help='the names of axes (default: all)')
+    add_axes(parser)
     add_node(parser)
     parser.add_argument('--json', action='store_true', help='print the result as JSON')
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..parameters.definition import InvalidParameters
-from .common import FAILED, INTERRUPTED, OK, Failure, add_node
+from .common import FAILED, INTERRUPTED, OK, Failure, add_axes, add_node
 from .live import PATIENCE, STATUS, absent, full
 
 TEXT = """\
@@ -40,7 +40,7 @@ LINGER = 1.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('axes', metavar='AXIS', nargs='*', help='the names of axes (default: all)')
+    add_axes(parser)
     parser.add_argument(
         '-o',
         '--output',

@@ -3,7 +3,7 @@
 
 import argparse
 
-from .common import Failure, add_node
+from .common import Failure, add_axes, add_node
 from .home import request
 from .live import STATUS, connected
 
@@ -25,7 +25,7 @@ FAILURE = 'a home could not be verified, or it has moved'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('axes', metavar='AXIS', nargs='*', help='the names of axes (default: all)')
+    add_axes(parser)
     add_node(parser)
     parser.add_argument('--json', action='store_true', help='print the result as JSON')
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.live import Live
 
-from .common import FAILED, OK, Failure, add_node, console
+from .common import FAILED, OK, Failure, add_axes, add_node, console
 from .live import PATIENCE, STATUS, absent, full
 from .watch_table import table, text_of
 
@@ -41,7 +41,7 @@ SHARE = 0.08
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('axes', metavar='AXIS', nargs='*', help='the names of axes (default: all)')
+    add_axes(parser)
     add_node(parser)
     parser.add_argument('--once', action='store_true', help='show the present state, and end')
     parser.add_argument(
