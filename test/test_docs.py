@@ -23,10 +23,12 @@ from typing import NamedTuple
 import pytest
 import ros_harness as ros
 import yaml
+from core_rig import rig
 from homing_interfaces.action import Home, Jog
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.action import get_action_names_and_types
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from record_rig import Recorded
 
 from homing_node.cli import main
 from homing_node.parameters.axis import DEFINITIONS
@@ -36,6 +38,7 @@ from homing_node.plant import layout_file
 from homing_node.plant.layout import SWITCHES, AxisLayout
 from homing_node.procedures.cia402 import METHODS
 from homing_node.procedures.states import LIMIT_SWITCHES, Error, HomeType, Input, LSType, State
+from homing_node.recording.folder import RecordFolder
 from homing_node.ros.simulated_settings import Settings
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -161,10 +164,14 @@ def test_homing_commands(tmp_path, monkeypatch, capsys):
             }
         )
     )
+    recorded = Recorded(rig('HS').rehearsal(), RecordFolder(tmp_path / 'kept', '/n', 9, 9))
+    recorded.home()
+    (kept,) = Path('kept').glob('*.mcap')
+    kept.rename('run.mcap')
     for words in found:
         if words[1] == 'convert':
             words[words.index('-o') + 1] = 'converted.yaml'
-        if words[1] == 'doctor':  # test_node_doctor.py has a node for it
+        if words[1] in ('doctor', 'record'):  # test_node_{doctor,record}.py have a node for them
             with pytest.raises(SystemExit, match=r'^0$'):
                 main([*words[1:], '--help'])
         else:

@@ -234,8 +234,7 @@ def test_watch(world, homing, monkeypatch):
     assert any(' s  x: SecondHSSearch' in line for line in first)
 
 
-def test_there_is_no_such_node(homing, monkeypatch):
-    monkeypatch.setattr('homing_node.cli.live.PATIENCE', 2.0)
+def test_there_is_no_such_node(homing):
     status, out, err = homing('home', 'x', node='/homing_node')
     assert (status, out) == (2, '')
     assert 'there is no homing node /homing_node' in err
