@@ -298,6 +298,31 @@ def test_what_a_failure_stops(on_failure, stops, later):
     assert found['cell2/y'] == ('Canceled' if on_failure == 'stop_all' else 'PrerequisiteMissing')
 
 
+@pytest.mark.parametrize('on_failure', ['stop_step', 'go_on'])
+def test_nothing_more_starts_after_an_axis_that_does_not_come_to_rest(on_failure):
+    """It may still move: what homes beside it stops, and no later step begins."""
+    rig = Rig(auto=False, on_failure=on_failure)
+    request = rig.home()
+    rig.accept('cell1/z', 'cell2/z')
+    rig.core.cancel(['cell1/z'], 'test', rig.now)
+    rig.run(9.0)
+    assert rig.canceled == ['cell1/z']
+    rig.run(2.0)  # it moves on
+    assert rig.canceled.count('cell2/z') == 1
+    rig.end('cell2/z', Error.Canceled)
+    rig.run(1.0)
+    assert rig.started() == ['cell1/z', 'cell2/z']
+    assert request.done
+    assert errors(request) == {
+        'cell1/z': 'ResultLost',
+        'cell2/z': 'Canceled',
+        'cell1/x': 'Canceled',
+        'cell2/y': 'Canceled',
+    }
+    told = request.outcomes['cell1/x'].message
+    assert told == 'cell1/x: not started: cell1/z may still move (ResultLost)'
+
+
 def test_an_axis_whose_prerequisite_is_missing_does_not_start():
     rig = Rig()
     request = rig.home('cell2/y')

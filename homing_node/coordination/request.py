@@ -9,7 +9,8 @@ have their turn at the same time. `on_failure`:
 - `stop_step`: the other axes of the step are stopped; later steps begin.
 - `go_on`: all others go on.
 
-Whatever is set, no axis starts whose `requires` do not hold: a check before each start asks.
+Whatever is set, an axis that does not come to rest after a cancel stops all others, and nothing
+more starts; and no axis starts whose `requires` do not hold: a check before each start asks.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -83,10 +84,11 @@ class Request:
                 if not turn.failed or turn.axis in self._judged:
                     continue
                 self._judged.add(turn.axis)
-                if self._on_failure is OnFailure.go_on:
+                if self._on_failure is OnFailure.go_on and not turn.restless:
                     continue
-                whole = self._on_failure is OnFailure.stop_all
-                reason = f'{turn.axis} was not homed ({turn.outcome.error})'
+                whole = self._on_failure is OnFailure.stop_all or turn.restless
+                what = 'may still move' if turn.restless else 'was not homed'
+                reason = f'{turn.axis} {what} ({turn.outcome.error})'
                 found += [
                     (other, f'not started: {reason}' if other.phase is Phase.Waiting else reason)
                     for other in (self.turns if whole else step)

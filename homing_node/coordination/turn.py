@@ -63,6 +63,7 @@ class Turn:
         doubt: the lock that the check met last.
         active: when the goal or the axis was last seen to run, s.
         skipped: whether the axis was homed already, and left out.
+        restless: whether the axis has not come to rest in time after a cancel: it may still move.
     """
 
     def __init__(self, axis: str) -> None:
@@ -78,6 +79,7 @@ class Turn:
         self.doubt: Outcome | None = None
         self.active = 0.0
         self.skipped = False
+        self.restless = False
 
     @property
     def cell(self) -> str:
@@ -119,6 +121,7 @@ class Turn:
         if to is None:
             return []
         before = self.phase
+        self.restless = before is Phase.Stopping and event is Event.Late
         if outcome is not None:
             self.outcome = outcome
         elif to.error is not None and self.outcome.error in (Error.NoError, Error.Canceled):
