@@ -248,3 +248,72 @@ def test_a_run_after_a_canceled_squaring_move_has_a_skew_of_its_own():
     assert 0.0 < gantry.skews[0] < 0.0018
     assert gantry.home().error is Error.NoError
     assert gantry.axis.largest_skew < 1e-4
+
+
+# ------------------------------------------------------------------------------------ at the end
+
+
+def go_deaf(gantry, side, how):
+    """Let a side stay behind, or its feedback, shortly before the command comes to rest."""
+    machine = gantry.axis.machine
+    while abs(gantry.axis.profile.position - machine.reference.position) > 0.0004:
+        gantry.cycle()
+        assert gantry.axis.state == 'HomeShift', gantry.axis.outcome
+    if how == 'drive':
+        gantry.deaf.add(side)
+    elif how == 'encoder':
+        gantry.freeze(side)
+    else:
+        gantry.drives[side].feedback = lambda *_: None
+        gantry._messages.clear()
+
+
+@SIDES
+@pytest.mark.parametrize('skew', [0.001, 0.0])
+@pytest.mark.parametrize(
+    ('how', 'error'),
+    [
+        ('drive', Error.NotSquare),
+        ('encoder', Error.NotSquare),
+        ('no feedback', Error.FeedbackStale),
+    ],
+)
+def test_a_side_that_stays_behind_in_the_last_move_is_not_homed(how, error, skew, side):
+    """It is behind by less than `settling_tolerance`, but the gantry is out of square."""
+    gantry = Gantry('HSHS', (SideRig(), SideRig(skew=skew)))
+    gantry.until('Proving' if skew else 'SecondHSSearch')
+    while gantry.axis.state != 'HomeShift' or gantry.axis.profile.velocity >= 0.0:
+        gantry.cycle()
+    go_deaf(gantry, side, how)
+    outcome = gantry.finish()
+    assert outcome.error is error, outcome.message
+    named = 'y' if side == 0 and error is Error.FeedbackStale else 'y.y2'
+    assert named in outcome.message
+    assert not gantry.axis.homed
+
+
+@SIDES
+@pytest.mark.parametrize('timeout', [0.2, 5.0])
+def test_feedback_that_ends_with_the_last_move_is_not_homed(side, timeout):
+    """Where the side is now is not known, also where `feedback_timeout` would wait longer."""
+    gantry = Gantry('HSHS', feedback_timeout=timeout)
+    gantry.until('SecondHSSearch')
+    while not gantry.axis.machine.finished:
+        gantry.cycle()
+    gantry.drives[side].feedback = lambda *_: None
+    outcome = gantry.finish()
+    assert outcome.error is Error.FeedbackStale, outcome.message
+    assert not gantry.axis.homed
+
+
+def test_a_stiff_gantry_tells_how_square_it_rests():
+    """It is not forced; a side that stays behind is told, not judged."""
+    gantry = Gantry('HSHS', square=False)
+    gantry.until('SecondHSSearch')
+    while gantry.axis.state != 'HomeShift' or gantry.axis.profile.velocity >= 0.0:
+        gantry.cycle()
+    go_deaf(gantry, 1, 'drive')
+    outcome = gantry.finish()
+    assert outcome.error is Error.NoError
+    assert outcome.members[1].squareness == pytest.approx(-gantry.skews[0], abs=1e-6)
+    assert abs(gantry.skews[0]) > 0.0002

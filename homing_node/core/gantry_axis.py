@@ -313,7 +313,9 @@ class GantryAxis(Axis):
             failed = machine.ending.error is not Error.NoError
             for follower in self.followers:
                 p, readings = follower.parameters, follower.readings
-                own = follower.profile
+                own, stale = follower.profile, readings.stale(now)
+                if stale is not None:
+                    machine.fail(stale._replace(seen=f'{follower.name}: {stale.seen}'))
                 if own is not None and not own.arrived:
                     return self._wait(now)
                 behind = follower.commanded() - readings.track.position
@@ -330,6 +332,16 @@ class GantryAxis(Axis):
         if self.machine is None and not (machine.ending.silent or self.powered):
             self._come_back(now)
         return setpoint
+
+    def _outcome(self, machine: Machine) -> Outcome:
+        """Return how a run has ended; one that has moved must have left the gantry square."""
+        run = self._run
+        if run is not None and self._moved and machine.ending.error is Error.NoError:
+            own = {follower.name: follower.settling for follower in self.followers}
+            failure = run.at_rest({s: own.get(s.name, self._settling) for s in run.sides})
+            if failure is not None:
+                machine.fail(failure)
+        return super()._outcome(machine)
 
     def _come_back(self, now: float) -> None:
         """Let the leader's command go to where it is, because its drive is off."""

@@ -5,19 +5,20 @@ Who gets which part of it: the switches of all sides as one (gantry_switches.py)
 hold in every state (gantry_rules.py), how square it is (gantry_squareness.py).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ..parameters.axis import AxisParameters
 from ..procedures.procedure import Row
 from ..procedures.squaring import reference_of
-from ..procedures.states import Input
+from ..procedures.states import Error, Input
 from .gantry_rules import GantryRules
 from .gantry_side import Side
 from .gantry_squareness import Squareness
 from .gantry_switches import GantrySwitches, awaited
 from .machine import Machine
-from .outcome import MemberHome
+from .outcome import Failure, MemberHome
 from .profile import Profile
+from .settling import Settling
 from .signals import Edge, Mark
 
 
@@ -95,6 +96,20 @@ class GantryRun:
         """Take where each side has found its reference, in one pass or more."""
         self.squareness.measure(marks)
         self.switches.home = self.squareness.found
+
+    def at_rest(self, settling: Mapping[Side, Settling]) -> Failure | None:
+        """Return why the gantry is not square where it rests; `settling`: that of each side."""
+        places: dict[Side, float] = {}
+        for side in self.sides:
+            place = settling[side].place(side.track)
+            if place is None:
+                return Failure(
+                    Error.FeedbackStale,
+                    f'{side.name}: the feedback ended before it had come to rest, so nothing says '
+                    'whether the gantry is square',
+                )
+            places[side] = place
+        return self.squareness.at_rest(places)
 
     @property
     def members(self) -> tuple[MemberHome, ...]:

@@ -80,7 +80,7 @@ class Squareness:
                 'is not forced',
                 'is switch_offset right? Else free the gantry with its drives off',
             )
-        if not p.square or p.gantry_homing_retain_sync_offset:
+        if not self._squares:
             return {}
         return {side: error for side, error in errors.items() if abs(error) > p.square_tolerance}
 
@@ -145,3 +145,33 @@ class Squareness:
                     'are the cables of two sides swapped, or is a coupling loose?',
                 )
         return None
+
+    def at_rest(self, places: Mapping[Side, float]) -> Failure | None:
+        """Take where the sides rest after the last move; return which is not square any more.
+
+        A side that has stayed behind since its reference is out of square by that. A side without
+        a reference must be as far from the leader as at the start. A gantry that is not squared
+        is only measured.
+        """
+        p, leader = self._p, self._leader
+        for side in self._sides[1:]:
+            apart, error = places[side] - places[leader], self.errors.get(side)
+            count = max(side.track.count, leader.track.count)
+            if error is None:
+                left, unsure = side.at_start - apart, 2.0 * count
+            else:
+                left, unsure = error.value + side.offset - apart, error.uncertainty + 2.0 * count
+                self.errors[side] = error._replace(value=left)
+            if self._squares and abs(left) > p.square_tolerance + unsure:
+                return Failure(
+                    Error.NotSquare,
+                    f'at rest {side.name} is {left:.6g} m out of square, more than '
+                    f'{p.square_tolerance:.6g} m (square_tolerance) and the uncertainty, '
+                    f'{unsure:.6g} m',
+                    'did a side not follow the last move, or does its feedback stand still?',
+                )
+        return None
+
+    @property
+    def _squares(self) -> bool:
+        return self._p.square and not self._p.gantry_homing_retain_sync_offset

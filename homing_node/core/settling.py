@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The end of a run: the feedback settles after the command, and the axis rests."""
 
+from statistics import fmean
 from typing import NamedTuple
 
 from ..parameters.axis import AxisParameters
@@ -87,6 +88,23 @@ class Settling:
             self._since = now + self._lead
         if now - self._since >= SETTLE_TIMEOUT:
             return True
-        begin = track.time - max(SETTLE_TIME, SETTLE_SAMPLES * track.interval)
+        begin = track.time - _window(track)
         rests = begin >= self._since and track.spread(begin) <= SETTLE_TRAVEL * slow_velocity
         return rests and follows
+
+    def place(self, track: Track) -> float | None:
+        """Return where the axis has come to rest; None: too little was read since then.
+
+        It is the mean of what `over` has judged; of feedback that does not settle, of more.
+        """
+        since, begin = self._since, track.time - _window(track)
+        if since is None or begin < since:
+            return None
+        begin = min(begin, track.time - 0.25 * (track.time - since))
+        places = [place for time, place in track.near(begin, track.time) if time >= begin]
+        return fmean(places) if places else track.position
+
+
+def _window(track: Track) -> float:
+    """Return for how long an axis must stand, s."""
+    return max(SETTLE_TIME, SETTLE_SAMPLES * track.interval)
