@@ -145,6 +145,24 @@ CASES = [
         side={HS: [0.1755, 0.18]},
         words='about 2 x 0.01 m, the distance',
     ),
+    Case(
+        'skew-index',
+        ERROR,
+        'y',
+        leader={**Z, 'z_pulse_distance_check': 0.004},
+        right=0.0018,
+        words='half the distance of the Z-pulses or more (0.004 m)',
+    ),
+    Case(
+        'skew-index',
+        ERROR,
+        'y',
+        leader=Z,
+        layout={'index_pitch': 0.0039, 'index_offset': 0.001},
+        side={'index_pitch': 0.0041, 'index_offset': 0.011},
+        right=0.0017,
+        words='(0.0039 m)',
+    ),
     Case('side-direction', ERROR, follower={'home_direction': 'Negative'}, right='Positive'),
     Case('side-direction', ERROR, side={'mirrored': True}, right='Negative'),
     Case(
@@ -223,6 +241,19 @@ def test_without_a_layout_only_what_the_parameters_say_is_found():
     follower = {'y.y2.gantry_homing_use_slave_hs': False}
     findings = check(configuration({'axes': ['y'], **values, **follower}))
     assert [one.check for one in findings] == ['side-without-reference']
+
+
+def test_the_node_refuses_a_skew_of_half_a_turn():
+    """It checks without a layout, at the start and with each value that is set."""
+    values = {f'y.{name}': value for name, value in {**LEADER, **Z}.items()}
+    for pitch, refused in (0.004, True), (0.0041, False), (0.0, False):
+        after = {'axes': ['y'], **values, 'y.z_pulse_distance_check': pitch}
+        found = {one.check for one in check(configuration(after)) if one.severity is ERROR}
+        assert found == ({'skew-index'} if refused else set())
+    for unused in {'home_type': 'HSHS'}, {'gantry_homing_use_slave_z_pulse': False}:
+        after |= {'y.z_pulse_distance_check': 0.004}
+        after |= {f'y.{name}': value for name, value in unused.items()}
+        assert 'skew-index' not in {one.check for one in check(configuration(after))}
 
 
 def test_a_type_that_homes_on_the_index_is_square_by_the_index():

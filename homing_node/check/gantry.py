@@ -5,6 +5,7 @@ Each side by itself is checked as an axis is; see check_gantry in __init__.py.
 """
 
 from collections.abc import Iterator, Mapping
+from math import inf
 
 from ..parameters.axis import AxisParameters
 from ..parameters.gantry import group_parameters
@@ -39,6 +40,7 @@ class Gantry(AxisCheck):
 
     def check(self) -> Iterator[Finding]:
         yield from self.without_reference()
+        yield from self.ambiguous_index()
         if self.layout is None:
             return
         sides = self.layout.followers
@@ -90,6 +92,33 @@ class Gantry(AxisCheck):
                 parameter,
                 right=right,
             )
+
+    def ambiguous_index(self) -> Iterator[Finding]:
+        """Check that the sides cannot take the pulses of different turns.
+
+        A gantry that may be out of square by half a pitch does not tell the turns apart.
+        """
+        followers = self.followers
+        if self._reference(self.leader) is not Input.Z_PULSE or not any(
+            Input.Z_PULSE in p.inputs and self._uses(p, Input.Z_PULSE) for p in followers.values()
+        ):
+            return
+        layouts = [] if self.layout is None else [self.layout, *self.layout.followers.values()]
+        pitches = [self.p.z_pulse_distance_check, *(layout.index_pitch for layout in layouts)]
+        pitch, limit = min(filter(None, pitches), default=inf), self.p.max_skew
+        if limit < 0.5 * pitch:
+            return
+        yield self.found(
+            Severity.error,
+            'skew-index',
+            f'max_skew is {limit:g} m, half the distance of the Z-pulses or more ({pitch:g} m)',
+            'the pulses of the sides may be those of different turns, and the gantry would be '
+            'squared by a turn: every run ends with IndexAmbiguous',
+            'max_skew',
+            limit,
+            down(0.45 * pitch),
+            'm',
+        )
 
     def direction(
         self, name: str, parameters: AxisParameters, layout: AxisLayout
