@@ -141,3 +141,11 @@ def test_the_message_of_a_limit_names_the_side_before_the_hint():
     message = gantry.finish().message
     assert 'the limit switch of y.y2' in message
     assert 'the limit switch of y.y2' not in message.partition('; ')[2]
+
+
+def test_the_hint_at_a_home_switch_that_is_never_off_names_its_side():
+    """It is on on that side only; the limit behind ends the run."""
+    stuck = SideRig(stuck={'home_switch': True})
+    outcome = Gantry('HSHS', (SideRig(), stuck), start=0.001, max_skew=0.02).home()
+    assert outcome.error is Error.LSTriggered
+    assert 'the home switch of y.y2 was on at the start and never fell' in outcome.message

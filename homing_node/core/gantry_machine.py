@@ -20,7 +20,7 @@ from ..procedures.squaring import (
     clears_at_start,
     gantry_rows,
 )
-from ..procedures.states import Input
+from ..procedures.states import Error, Input
 from ..procedures.steps import HOME_SHIFT_MOVE, HS_CLEAR_REVERSE_AT_START, Step
 from .gantry_edges import GroupEdge, GroupMark
 from .gantry_run import GantryRun
@@ -253,6 +253,11 @@ class GantryMachine(Machine):
                 or side.follower.profile.done
                 for side in self.run.sides
             )
+
+    def _stuck_hint(self, error: Error) -> str:
+        """Return a hint at the home switches that are still on, or ''."""
+        sides = ', '.join(side.name for side in self.run.switches.on(Input.HOME_SWITCH))
+        return self._switches.stuck_hint(error, self.row, f' of {sides}') if sides else ''
 
     def _advance(self, event: Event, cause: Mark) -> None:
         """Follow an arrow; the proving pass is no pass of the table, which must agree."""

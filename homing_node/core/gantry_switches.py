@@ -167,6 +167,11 @@ class GantrySwitches:
                     return Failure(Error.LSTriggered, f'{seen}; a motion into it is not started')
         return None
 
+    def on(self, source: Input) -> list[Side]:
+        """Return the sides on which a captured switch is on that they home on."""
+        used = [side for side in self._sides if self._uses(side, source)]
+        return [side for side in used if self._level(side, source)]
+
     def source(self, side: Side, edge: Edge) -> Input:
         """Return the input of the group that an edge of a side belongs to."""
         return leaders_input(self._leader.parameters, side.parameters, edge.input)

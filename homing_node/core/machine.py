@@ -217,7 +217,7 @@ class Machine:
         The first error stays. A harder stop that comes later takes over.
         """
         if not self.ending.stopping:
-            hint = self._switches.stuck_hint(failure.error, self.row) or failure.hint
+            hint = self._stuck_hint(failure.error) or failure.hint
             hint = hint and f'; {hint}'
             self._give_up(failure.error, f'{failure.seen} in {self.state}{hint}')
         self.ending.stop(action or Action(self.parameters.ls_dec))
@@ -387,6 +387,10 @@ class Machine:
         if failure is not None:
             self.fail(failure)
         return failure is not None
+
+    def _stuck_hint(self, error: Error) -> str:
+        """Return a hint at a home switch that was never off, or ''."""
+        return self._switches.stuck_hint(error, self.row)
 
     # ------------------------------------------------------------------------------------ endings
 

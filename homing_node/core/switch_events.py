@@ -61,13 +61,16 @@ class SwitchEvents:
             'switch_debounce, or a lower homing_velocity_fast'
         )
 
-    def stuck_hint(self, error: Error, row: Row) -> str:
-        """Return a hint if a row waits for the fall of a home switch that was never off, or ''."""
+    def stuck_hint(self, error: Error, row: Row, of: str = '') -> str:
+        """Return a hint if a row waits for the fall of a home switch that was never off, or ''.
+
+        ``of``: whose home switch it is, if there are several.
+        """
         waits = error in STUCK_SWITCH and Event.HS_FALLS in row.on
         if not waits or Input.HOME_SWITCH not in self._always_on:
             return ''
         return (
-            'the home switch was on at the start and never fell: is its polarity right '
+            f'the home switch{of} was on at the start and never fell: is its polarity right '
             '(invert_hs_polarity), or is it stuck on?'
         )
 
