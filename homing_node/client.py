@@ -30,6 +30,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, ParameterMsg
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
@@ -109,6 +110,7 @@ class HomingClient:
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
+        self._closed: Future = Future()  # a context that ends in a spin breaks it
         self._clients: dict[str, Any] = {}
         self._subscriptions: dict[str, Any] = {}  # to the states, by axis
         self._states: dict[str, AxisState] = {}
@@ -124,8 +126,9 @@ class HomingClient:
 
     def close(self) -> None:
         """Leave the graph."""
-        self._context.try_shutdown()
+        self._closed.set_result(None)
         self._thread.join()
+        self._context.try_shutdown()
         self.node.destroy_node()
 
     def home(
@@ -277,12 +280,17 @@ class HomingClient:
 
         The axis publishes `setpoint_interface: trajectory`. ``followers`` has the joints of the
         followers of a gantry, by their names; they are in `Course.followers`, by full names.
+        The recording begins once the feedback of all joints has been heard.
+
+        Raises:
+            TimeoutError: nothing was heard of a joint within `discovery`.
         """
         self.state(axis)
         recorder = CourseRecorder(
             self.node, self.node_name, axis, joint or axis, self.state, followers
         )
         try:
+            recorder.wait(self.discovery)
             yield recorder.course
         finally:
             recorder.close()
@@ -291,7 +299,7 @@ class HomingClient:
 
     def _spin(self) -> None:
         with suppress(ExternalShutdownException):
-            self._executor.spin()
+            self._executor.spin_until_future_complete(self._closed)
 
     def _home(
         self,

@@ -35,7 +35,7 @@ from sensor_msgs.msg import JointState  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
 from homing_node.client import HomingClient  # noqa: E402
-from homing_node.core.axis import Outcome  # noqa: E402
+from homing_node.core.outcome import Outcome  # noqa: E402
 from homing_node.course import Course, Sample  # noqa: E402
 from homing_node.figures import plot  # noqa: E402
 from homing_node.figures.palette import state_colour  # noqa: E402

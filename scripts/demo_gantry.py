@@ -28,6 +28,10 @@ CONFIG = ROOT / 'config' / 'gantry.yaml'
 PLANT = ROOT / 'config' / 'simulated_gantry.yaml'
 AXIS, FOLLOWER = 'y', 'y2'
 PICTURE = ROOT / 'demo_gantry.png'
+#: How a run ends if the computer holds a process up for some tenths of a second: such a run is
+#: made again, RUNS in all.
+HELD_UP = (str(Error.CycleLate), str(Error.FollowingError), str(Error.FeedbackStale))
+RUNS = 3
 
 console = Console(highlight=False)
 
@@ -85,21 +89,25 @@ def main() -> int:
         process('simulated_axes', PLANT),
         process('homing_node', CONFIG),
         HomingClient(discovery=30.0) as homing,
-        homing.record(AXIS, joint, {FOLLOWER: beside}) as course,
     ):
         force = RackingForce(homing)
-        console.print(f'ros2 service call /homing_node/{AXIS}/home std_srvs/srv/Trigger\n')
-        ended = threading.Event()
         square = layout.followers[name].square_at
-        printer = threading.Thread(target=show, args=(course, force, square, ended))
-        printer.start()
-        answer = homing.call_home(AXIS, timeout=60.0)
-        ended.set()
-        printer.join()
-        state = homing.state(AXIS)
-        rest = force.now
-    style = 'bold green' if answer else 'bold red'
-    console.print(f'\n{answer.message}', soft_wrap=True, style=style)
+        for _ in range(RUNS):
+            with homing.record(AXIS, joint, {FOLLOWER: beside}) as course:
+                console.print(f'ros2 service call /homing_node/{AXIS}/home std_srvs/srv/Trigger\n')
+                ended = threading.Event()
+                printer = threading.Thread(target=show, args=(course, force, square, ended))
+                printer.start()
+                answer = homing.call_home(AXIS, timeout=60.0)
+                ended.set()
+                printer.join()
+                state = homing.state(AXIS)
+                rest = force.now
+            style = 'bold green' if answer else 'bold red'
+            console.print(f'\n{answer.message}', soft_wrap=True, style=style)
+            if answer or not answer.message.startswith(HELD_UP):
+                break
+            console.print('This computer was too busy for the processes; once more.')
     if not answer:
         return 1
     for member in state.members[1:]:

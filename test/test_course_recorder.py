@@ -86,3 +86,14 @@ def test_an_axis_at_rest_is_not_recorded():
     recorder = recorder_of(node, {}, State.Idle)
     node.take['/homing_node/setpoints'](setpoint(y1=0.1), info(recorder, 0.1))
     assert recorder.course.samples == [] and recorder.course.followers == {}
+
+
+def test_a_recording_begins_once_all_joints_were_heard():
+    """Else its first samples would have no feedback."""
+    node = Node()
+    recorder = recorder_of(node, {'y2': 'j2'})
+    node.take['joint_states'](JointState(name=['y1'], position=[0.1]))
+    with pytest.raises(TimeoutError, match='no joint_states of j2 in 0 s'):
+        recorder.wait(0.0)
+    node.take['joint_states'](JointState(name=['j2'], position=[0.1]))
+    recorder.wait(0.0)

@@ -32,6 +32,7 @@ class _Drive:
     def __init__(self, joint: str) -> None:
         self.joint, self.course = joint, Course()
         self.feedback = 0.0
+        self.heard = False
         self.levels: dict[Input, bool] = {}
 
 
@@ -82,6 +83,18 @@ class CourseRecorder:
                         )
                     )
 
+    def wait(self, patience: float) -> None:
+        """Wait until the feedback of all joints was heard; another thread spins the node.
+
+        Raises:
+            TimeoutError: nothing was heard of a joint for ``patience`` s.
+        """
+        until = time.monotonic() + patience
+        while missing := [drive.joint for drive in self._drives if not drive.heard]:
+            if time.monotonic() > until:
+                raise TimeoutError(f'no joint_states of {", ".join(missing)} in {patience:g} s')
+            time.sleep(0.02)
+
     def close(self) -> None:
         """Stop recording."""
         for subscription in self._subscriptions:
@@ -114,6 +127,7 @@ class CourseRecorder:
         for drive in self._drives:
             if drive.joint in message.name:
                 drive.feedback = message.position[message.name.index(drive.joint)]
+                drive.heard = True
 
     def _input_taker(self, drive: _Drive, source: Input) -> Callable[[Any, Info], None]:
         def take(message: Bool | Float64, info: Info) -> None:
