@@ -13,7 +13,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -56,11 +56,17 @@ class Answer:
         success: Whether the request has succeeded.
         message: What was done, or `<ErrorName>: <text>`.
         states: The last state of each axis of a `home`.
+        steps: The order of a `home`: the axes of each step, with commas.
+        durations: Of a dry run: how long each step takes, s; NaN: not known.
+        missing: Of a dry run: what would refuse the request.
     """
 
     success: bool
     message: str
     states: tuple[AxisState, ...] = ()
+    steps: tuple[str, ...] = ()
+    durations: tuple[float, ...] = ()
+    missing: tuple[str, ...] = ()
 
     @property
     def error(self) -> str:
@@ -70,6 +76,10 @@ class Answer:
 
     def __bool__(self) -> bool:
         return self.success
+
+
+class NotThere(TimeoutError):
+    """What would have answered is not in reach, so that nothing was asked of it."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -134,6 +144,8 @@ class HomingClient:
     def home(
         self,
         *axes: str,
+        dry_run: bool = False,
+        force: bool = False,
         on_feedback: Callable[[Home.Feedback], None] | None = None,
         timeout: float | None = None,
     ) -> Answer:
@@ -143,10 +155,13 @@ class HomingClient:
 
         Args:
             axes: The names of the axes; none: all axes, in `home_sequence`.
+            dry_run: Nothing moves: the answer has the order, the times, and what is missing.
+            force: A coordinator homes what is homed, too, whatever its `skip_homed` says.
             on_feedback: Called at 10 Hz, in the client's thread.
             timeout: Longest wait for the end, s; None: no bound.
         """
-        return self._patiently(lambda: self._home('home', axes, on_feedback, timeout))
+        goal = Home.Goal(axes=list(axes), dry_run=dry_run, force=force)
+        return self._patiently(lambda: self._home('home', goal, on_feedback, timeout))
 
     def verify(
         self,
@@ -159,7 +174,8 @@ class HomingClient:
         The rest is as in :meth:`home`.
         """
         first, *others = axes
-        return self._patiently(lambda: self._home(f'{first}/verify', others, on_feedback, timeout))
+        goal = Home.Goal(axes=others)
+        return self._patiently(lambda: self._home(f'{first}/verify', goal, on_feedback, timeout))
 
     def jog(
         self,
@@ -212,6 +228,29 @@ class HomingClient:
         """Stop one axis, or all; return when they are at rest."""
         return self._trigger(axis, 'cancel')
 
+    def cancel_each(self, *axes: str) -> dict[str, Answer]:
+        """Stop some axes at the same time; return when they are at rest.
+
+        Where one has no such service, the others are stopped all the same.
+        """
+        names = {axis: f'{self.node_name}/{axis}/cancel' for axis in axes}
+        clients = {axis: self._service(Trigger, name) for axis, name in names.items()}
+        until = time.monotonic() + self.discovery
+        sent: dict[str, Any] = {}
+        while len(sent) < len(clients) and time.monotonic() < until:
+            for axis, client in clients.items():
+                if axis not in sent and client.service_is_ready():
+                    sent[axis] = client.call_async(Trigger.Request())
+            time.sleep(0.01)
+        answers = {
+            axis: Answer(False, f'no service {name} within {self.discovery:g} s')
+            for axis, name in names.items()
+        }
+        for axis, future in sent.items():
+            response = self._wait(future, None, clients[axis].service_is_ready)
+            answers[axis] = Answer(response.success, response.message)
+        return answers
+
     def resume(self, axis: str) -> Answer:
         """Leave the pause of `pause_mode`."""
         return self._trigger(axis, 'continue')
@@ -226,7 +265,7 @@ class HomingClient:
             'parameters', lambda: AsyncParameterClient(self.node, self.node_name)
         )
         if not client.wait_for_services(self.discovery):
-            raise TimeoutError(f'no node {self.node_name} within {self.discovery:g} s')
+            raise NotThere(f'no node {self.node_name} within {self.discovery:g} s')
         parameters = [Parameter(f'{axis}.{name}', value=value) for name, value in values.items()]
         result = self._wait(client.set_parameters_atomically(parameters), self.discovery).result
         return Answer(result.successful, result.reason)
@@ -237,7 +276,7 @@ class HomingClient:
             'parameters', lambda: AsyncParameterClient(self.node, self.node_name)
         )
         if not client.wait_for_services(self.discovery):
-            raise TimeoutError(f'no node {self.node_name} within {self.discovery:g} s')
+            raise NotThere(f'no node {self.node_name} within {self.discovery:g} s')
         values = self._wait(client.get_parameters(list(names)), self.discovery).values
         found = (
             Parameter.from_parameter_msg(ParameterMsg(name=name, value=value))
@@ -269,7 +308,7 @@ class HomingClient:
                     LATCHED,
                 )
             if not self._changed.wait_for(lambda: axis in self._states, self.discovery):
-                raise TimeoutError(f'no {self.node_name}/{axis}/state within {self.discovery:g} s')
+                raise NotThere(f'no {self.node_name}/{axis}/state within {self.discovery:g} s')
             return self._states[axis]
 
     @contextmanager
@@ -304,14 +343,21 @@ class HomingClient:
     def _home(
         self,
         name: str,
-        axes: Sequence[str],
+        goal: Home.Goal,
         on_feedback: Callable[[Home.Feedback], None] | None,
         timeout: float | None,
     ) -> Answer:
-        result = self._act(Home, name, Home.Goal(axes=list(axes)), on_feedback, timeout)
+        result = self._act(Home, name, goal, on_feedback, timeout)
         for state in result.states:
             self._take_state(state.axis, state)
-        return Answer(result.success, result.message, tuple(result.states))
+        return Answer(
+            result.success,
+            result.message,
+            tuple(result.states),
+            tuple(result.steps),
+            tuple(result.durations),
+            tuple(result.missing),
+        )
 
     def _act(
         self,
@@ -325,7 +371,7 @@ class HomingClient:
         action = f'{self.node_name}/{name}'
         client = self._client(f'{name} (action)', lambda: ActionClient(self.node, kind, action))
         if not client.wait_for_server(self.discovery):
-            raise TimeoutError(f'no action {action} within {self.discovery:g} s')
+            raise NotThere(f'no action {action} within {self.discovery:g} s')
         heard = time.monotonic()
 
         def forward(message: Any) -> None:
@@ -345,17 +391,22 @@ class HomingClient:
             heard = time.monotonic()
             return self._wait(accepted.get_result_async(), timeout, alive).result
         except KeyboardInterrupt:
-            raise Interrupted(self._stop(client, sent)) from None
+            heard = time.monotonic()
+            raise Interrupted(self._stop(client, sent, alive)) from None
         except TimeoutError:
-            self._stop(client, sent)
+            heard = time.monotonic()
+            self._stop(client, sent, alive)
             raise
 
-    def _stop(self, client: Any, sent: Any) -> Any:
-        """Cancel a goal that was sent, and return its result, which comes when all is at rest."""
+    def _stop(self, client: Any, sent: Any, alive: Callable[[], bool]) -> Any:
+        """Cancel a goal that was sent, and return its result, which comes when all is at rest.
+
+        A heavy axis may brake for long: the wait ends when ``alive()`` returns false.
+        """
         ready = client.server_is_ready
         goal = self._wait(sent, self.discovery, ready)
         self._wait(goal.cancel_goal_async(), self.discovery, ready)
-        return self._wait(goal.get_result_async(), self.discovery, ready).result
+        return self._wait(goal.get_result_async(), None, alive).result
 
     def _patiently(self, run: Callable[[], Answer], axis: str = '') -> Answer:
         """Repeat a request while it is refused because the node has not heard its inputs."""
@@ -382,15 +433,18 @@ class HomingClient:
             self._clients[name] = make()
         return self._clients[name]
 
+    def _service(self, kind: Any, full: str) -> Any:
+        return self._client(full, lambda: self.node.create_client(kind, full))
+
     def _trigger(self, axis: str, verb: str, timeout: float | None = None) -> Answer:
         name = f'{axis}/{verb}' if axis else verb
         return self._call(Trigger, name, Trigger.Request(), timeout)
 
     def _call(self, kind: Any, name: str, request: Any, timeout: float | None = None) -> Answer:
         full = f'{self.node_name}/{name}'
-        client = self._client(full, lambda: self.node.create_client(kind, full))
+        client = self._service(kind, full)
         if not client.wait_for_service(self.discovery):
-            raise TimeoutError(f'no service {full} within {self.discovery:g} s')
+            raise NotThere(f'no service {full} within {self.discovery:g} s')
         response = self._wait(client.call_async(request), timeout, client.service_is_ready)
         return Answer(response.success, response.message)
 

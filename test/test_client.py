@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the client of a script makes of answers, and of none."""
 
+import json
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -8,7 +10,7 @@ from homing_interfaces.msg import AxisState
 from rclpy.task import Future
 
 from homing_node.cli import main
-from homing_node.client import Answer, HomingClient, Interrupted
+from homing_node.client import Answer, HomingClient, Interrupted, NotThere
 
 
 @pytest.mark.parametrize(
@@ -126,18 +128,113 @@ def test_ctrl_c_waits_for_the_end_of_the_goal(monkeypatch):
 @pytest.mark.parametrize(
     ('error', 'status', 'said'),
     [
+        (NotThere('no service'), 1, 'homing: no service\n'),
         (TimeoutError('it is gone'), 1, 'it is gone; it is not known whether an axis still moves'),
         (Interrupted(SimpleNamespace(message='Canceled')), 130, 'the axes are at rest: Canceled'),
         (KeyboardInterrupt(), 130, 'interrupted'),
     ],
-    ids=['gone', 'interrupted', 'interrupted at once'],
+    ids=['not there', 'gone', 'interrupted', 'interrupted at once'],
 )
 def test_how_a_verb_ends(monkeypatch, capsys, verb, error, status, said):
     def fails(*_, **__):
         raise error
 
     monkeypatch.setattr(HomingClient, 'wait_for_node', lambda self: True)
-    for name in ('home', 'verify', 'cancel', 'resume'):
+    monkeypatch.setattr(HomingClient, 'parameters', lambda *_: {'axes': ['x']})
+    for name in ('home', 'verify', 'cancel_each', 'resume'):
         monkeypatch.setattr(HomingClient, name, fails)
     assert main([verb, 'x']) == status
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('verb', ['verify', 'continue'])
+def test_a_coordinator_only_homes_and_cancels(monkeypatch, capsys, verb):
+    cells = {'nodes': ['/cell1/homing_node']}
+    monkeypatch.setattr(HomingClient, 'wait_for_node', lambda self: True)
+    monkeypatch.setattr(
+        HomingClient, 'parameters', lambda _, name: {n: cells[n] for n in cells if n == name}
+    )
+    assert main([verb, 'cell1/x', '--node', 'line']) == 2
+    assert capsys.readouterr().err == (
+        'homing: /line is a coordinator, which homes and cancels only; ask the node of a cell: '
+        f'homing {verb} --node /cell1/homing_node\n'
+    )
+
+
+DRY_RUNS = {
+    'all is well': (
+        Answer(True, 'dry run: nothing is missing', (), ('z', 'x, y'), (1.25, 2.0)),
+        0,
+        'step 1: z: about 1.2 s\nstep 2: x, y: about 2.0 s\nin all: about 3.2 s\n'
+        'nothing is missing\n',
+        '',
+    ),
+    'nothing is known': (
+        Answer(True, 'dry run: nothing is missing', (), ('z',), (math.nan,)),
+        0,
+        'step 1: z: how long is not known yet\nnothing is missing\n',
+        '',
+    ),
+    'all are homed': (
+        Answer(True, 'dry run: nothing is missing'),
+        0,
+        'there is nothing to home: every axis is homed (--force homes them, too)\n'
+        'nothing is missing\n',
+        '',
+    ),
+    'something is missing': (
+        Answer(False, 'ServoOff: it is off', (), ('z',), (1.0,), ('z: ServoOff: it is off',)),
+        1,
+        'step 1: z: about 1.0 s\n',
+        'homing: missing: z: ServoOff: it is off\n',
+    ),
+    'refused': (Answer(False, 'Busy: x homes'), 1, '', 'homing: missing: Busy: x homes\n'),
+}
+
+
+@pytest.mark.parametrize('case', DRY_RUNS)
+def test_a_dry_run_tells_the_order_the_times_and_what_is_missing(monkeypatch, capsys, case):
+    answer, status, out, err = DRY_RUNS[case]
+    asked = []
+    monkeypatch.setattr(HomingClient, 'wait_for_node', lambda self: True)
+    monkeypatch.setattr(
+        HomingClient, 'home', lambda _, *axes, **given: asked.append((axes, given)) or answer
+    )
+    assert main(['home', 'z', '--dry-run']) == status
+    assert capsys.readouterr() == (out, err)
+    assert asked == [(('z',), {'dry_run': True, 'force': False})]
+    assert main(['home', '--dry-run', '--force', '--json']) == status
+    told = json.loads(capsys.readouterr().out)
+    assert told['steps'] == list(answer.steps) and told['ok'] == answer.success
+    assert told.get('durations', []) == [
+        None if math.isnan(one) else one for one in answer.durations
+    ]
+    assert asked[-1] == ((), {'dry_run': True, 'force': True})
+
+
+class Cancel:
+    """A client of a cancel service that is there, or not; the answer comes once all are asked."""
+
+    def __init__(self, asked, there=True):
+        self.asked, self.there = asked, there
+
+    def service_is_ready(self):
+        return self.there
+
+    def call_async(self, _):
+        future = Future()
+        self.asked.append(future)
+        if len(self.asked) == 2:
+            for one in self.asked:
+                one.set_result(SimpleNamespace(success=True, message='at rest'))
+        return future
+
+
+def test_several_axes_are_canceled_at_the_same_time():
+    """None waits for the rest of another, nor for a name that is none."""
+    asked = []
+    client = client_of(None)
+    client._clients = {f'/homing_node/{axis}/cancel': Cancel(asked, axis != 'u') for axis in 'uxy'}
+    answers = client.cancel_each('u', 'x', 'y')
+    assert answers['x'] == answers['y'] == Answer(True, 'at rest')
+    assert not answers['u'] and answers['u'].message.startswith('no service /homing_node/u/cancel')

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two cells and their coordinator as processes; the second cell is a managed node."""
 
+import json
+import os
 import re
 import signal
+import subprocess
+import sys
+import time
 from types import SimpleNamespace
 
 import cable
@@ -16,6 +21,8 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
+
+from homing_node.cli import main
 
 NODES = {'cell1': '/cell1/homing_node', 'cell2': '/cell2/homing_node'}
 AXES = {'cell1': ['x', 'z'], 'cell2': ['y', 'z']}
@@ -123,7 +130,8 @@ class Line:
         return self.states[axis][-1].message if self.states[axis] else AxisState()
 
     def until_moving(self, *axes):
-        self.client.until(lambda: all(self.state(axis).state != 'Idle' for axis in axes), 40.0)
+        still = ('', 'Idle')  # '': nothing is heard yet
+        self.client.until(lambda: all(self.state(axis).state not in still for axis in axes), 40.0)
 
 
 @pytest.fixture(scope='module')
@@ -188,6 +196,59 @@ def test_a_canceled_request_answers_when_every_axis_rests(of):
     assert result.error_code == AxisState.CANCELED
     assert all(state.state == 'Idle' for state in result.states)
     assert result.message.startswith('Canceled: ')
+
+
+def test_the_command_homing_works_against_a_coordinator(of, monkeypatch, capsys):
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(of.domain.number))
+
+    def homing(verb, *arguments):
+        status = main([verb, *arguments, '--node', '/homing_coordinator'])
+        return status, *capsys.readouterr()
+
+    status, out, err = homing('home', '--dry-run', '--force')
+    assert (status, err) == (0, ''), out
+    assert out.startswith('step 1: cell1/z, cell2/z: ') and 'nothing is missing' in out
+    status, out, _ = homing('home', 'cell1/x', '--force')
+    assert status == 0 and 'cell1/x: SecondHSSearch' in out and 'Homed: home_position_raw' in out
+    assert homing('home', 'cell1/x')[1].endswith('Homed: homed before: cell1/x\n')
+    status, out, _ = homing('home', 'cell1/x', '--dry-run', '--json')
+    assert status == 0 and json.loads(out)['steps'] == []
+    status, out, err = homing('repeat', 'cell1/x', '--runs', '2')
+    assert err == '' and out.count(': Homed: home_position_raw=') == 2
+    status, out, _ = homing('watch', '--once', '--json')
+    told = json.loads(out)['axes']
+    assert status == 0 and set(told) == {'cell1/x', 'cell1/z', 'cell2/y', 'cell2/z'}
+    assert told['cell1/x']['homed'] and told['cell1/x']['inputs']['home_switch']['level'] != '-'
+    status, out, _ = homing('cancel', 'cell1/x', 'cell2/y')
+    assert (status, out.count('nothing to cancel')) == (0, 2)
+    for verb in (['verify'], ['continue'], ['doctor'], ['record', '-o', 'never.mcap']):
+        status, _, err = homing(*verb)
+        assert status == 2 and err.startswith('homing: /homing_coordinator is a coordinator, ')
+        assert f'homing {verb[0]} --node /cell1/homing_node' in err
+
+
+def test_ctrl_c_of_homing_home_waits_until_the_line_rests(of):
+    code = 'import sys; from homing_node.start import homing; sys.exit(homing())'
+    child = subprocess.Popen(
+        [sys.executable, '-c', code, 'home', '--force', '--node', '/homing_coordinator'],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(of.domain.number)},
+    )
+    try:
+        assert re.fullmatch('cell[12]/z: .*\n', child.stdout.readline())
+        of.until_moving('cell1/z', 'cell2/z')
+        child.send_signal(signal.SIGINT)
+        _, err = child.communicate(timeout=40.0)
+        ended = time.time_ns()
+    finally:
+        child.kill()
+    assert child.returncode == 130
+    assert err.startswith('homing: interrupted; the axes are at rest: Canceled: '), err
+    of.client.until(lambda: all(of.state(axis).state == 'Idle' for axis in of.states))
+    moving = [one for axis in of.states.values() for one in axis if one.message.state != 'Idle']
+    assert max(one.sent for one in moving) < ended
 
 
 def test_a_killed_coordinator_starts_nothing_more_and_its_locks_stay(of):

@@ -29,15 +29,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    failed = []
     with connected(arguments) as client:
-        for axis in arguments.axes or ['']:
-            answer = client.cancel(axis)
-            text = f'{axis}: {answer.message}' if axis else answer.message
-            if answer:
-                print(text)
-            else:
-                failed.append(text)
+        answers = client.cancel_each(*arguments.axes) if arguments.axes else {'': client.cancel()}
+    failed = []
+    for axis, answer in answers.items():
+        text = f'{axis}: {answer.message}' if axis else answer.message
+        if answer:
+            print(text)
+        else:
+            failed.append(text)
     if failed:
         raise Failure(*failed, status=FAILED)
     return OK

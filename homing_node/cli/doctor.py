@@ -18,7 +18,7 @@ from .common import (
     not_negative,
     show_findings,
 )
-from .live import absent, full
+from .live import absent, coordinator, full
 
 TEXT = """\
 Asks the running system, and says what to change before anything moves. Needs ROS.
@@ -69,6 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     lags = {} if layout is None else {axis: one.lag for axis, one in layout.layouts.items()}
     node = full(arguments.node)
     try:
+        from ..ros.asking import IsCoordinator
         from ..ros.doctor import NoSuchNode, examine
     except ImportError as error:
         raise Failure(f'`homing doctor` needs ROS 2 ({error})') from None
@@ -76,6 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
         found = diagnose(examine(node, arguments.listen, lags=lags))
     except NoSuchNode as error:
         raise Failure(*_absent(node, error.there)) from None
+    except IsCoordinator as error:
+        raise Failure(coordinator(node, 'doctor', error.nodes)) from None
     except InvalidParameters as error:
         raise Failure(
             f'the parameters of {node} contradict each other:', *error.faults, status=FAILED

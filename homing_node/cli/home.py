@@ -3,6 +3,7 @@
 
 import argparse
 import json
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +15,8 @@ TEXT = """\
 Homes axes through a running homing_node, and shows how far each of them has come. The axes move.
 Needs ROS.
 
-Without names it homes all axes in the order of home_sequence.
+Without names it homes all axes in the order of home_sequence. Of a coordinator the axes are
+CELL/AXIS, and their order is that of its steps.
 """
 
 EXAMPLES = f"""\
@@ -22,6 +24,8 @@ examples:
   homing home
   homing home x y
   homing home x --node /cell_2/homing_node
+  homing home --dry-run                           the order, the times, what is missing
+  homing home --node /homing_coordinator --force cell1/x
   homing home --json | jq .states
 
 {STATUS}"""
@@ -32,13 +36,53 @@ FAILURE = 'an axis was not homed'
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_axes(parser)
     add_node(parser)
+    parser.add_argument(
+        '--dry-run',
+        action='store_true',
+        help='nothing moves: tell the order, how long each step takes, and what is missing',
+    )
+    parser.add_argument(
+        '--force',
+        action='store_true',
+        help='home what is homed, too: a coordinator leaves it out otherwise (skip_homed)',
+    )
     parser.add_argument('--json', action='store_true', help='print the result as JSON')
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    axes, force = arguments.axes, arguments.force
     with connected(arguments) as client:
-        return request(arguments, lambda show: client.home(*arguments.axes, on_feedback=show))
+        if arguments.dry_run:
+            return _preview(arguments, client.home(*axes, dry_run=True, force=force))
+        return request(arguments, lambda show: client.home(*axes, force=force, on_feedback=show))
+
+
+def _preview(arguments: argparse.Namespace, answer: Any) -> int:
+    """Show the answer to a dry run; return the exit status.
+
+    Raises:
+        Failure: Something is missing.
+    """
+    if arguments.json:
+        print(json.dumps(as_dict(answer), indent=2))
+        return OK if answer else FAILED
+    for number, (axes, lasts) in enumerate(zip(answer.steps, answer.durations, strict=True), 1):
+        print(f'step {number}: {axes}: {seconds(lasts)}')
+    if len(answer.steps) > 1:
+        print(f'in all: {seconds(sum(answer.durations))}')
+    if not answer.steps and answer:
+        print('there is nothing to home: every axis is homed (--force homes them, too)')
+    if not answer:
+        missing = answer.missing or [answer.message]
+        raise Failure(*(f'missing: {one}' for one in missing), status=FAILED)
+    print('nothing is missing')
+    return OK
+
+
+def seconds(duration: float) -> str:
+    """Return how long something takes, in words."""
+    return 'how long is not known yet' if math.isnan(duration) else f'about {duration:.1f} s'
 
 
 def request(
@@ -69,6 +113,7 @@ def as_dict(answer: Any) -> dict[str, Any]:
         'ok': answer.success,
         'message': answer.message,
         'error': answer.error,
+        'steps': list(answer.steps),
         'states': {
             state.axis: {
                 'state': state.state,
@@ -82,4 +127,11 @@ def as_dict(answer: Any) -> dict[str, Any]:
             }
             for state in answer.states
         },
+        **(of_dry_run(answer) if answer.durations or answer.missing else {}),
     }
+
+
+def of_dry_run(answer: Any) -> dict[str, Any]:
+    """Return what only a dry run tells; a time that is not known is null."""
+    durations = [None if math.isnan(one) else one for one in answer.durations]
+    return {'durations': durations, 'missing': list(answer.missing)}

@@ -2,7 +2,7 @@
 """What the verbs share that talk to a running node: is it there, does it answer, Ctrl-C."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -35,6 +35,14 @@ def absent(node: str, there: list[str], verb: str) -> list[str]:
     ]
 
 
+def coordinator(node: str, verb: str, cells: Sequence[str]) -> str:
+    """Return the line that says that a node is a coordinator, of which a verb wants too much."""
+    return (
+        f'{node} is a coordinator, which homes and cancels only; ask the node of a cell: '
+        f'homing {verb} --node {cells[0]}'
+    )
+
+
 @contextmanager
 def connected(arguments: argparse.Namespace) -> Iterator[Any]:
     """Yield a client of the running node.
@@ -45,7 +53,7 @@ def connected(arguments: argparse.Namespace) -> Iterator[Any]:
     """
     verb = arguments.command
     try:
-        from ..client import HomingClient, Interrupted
+        from ..client import HomingClient, Interrupted, NotThere
     except ImportError as error:
         raise Failure(f'`homing {verb}` needs ROS 2 ({error})') from None
     node = full(arguments.node)
@@ -59,7 +67,25 @@ def connected(arguments: argparse.Namespace) -> Iterator[Any]:
             raise Failure(
                 f'interrupted; the axes are at rest: {text}', status=INTERRUPTED
             ) from None
+        except NotThere as error:
+            raise Failure(str(error), status=FAILED) from None
         except TimeoutError as error:
             raise Failure(
                 f'{error}; it is not known whether an axis still moves', status=FAILED
             ) from None
+
+
+def axes_of(client: Any, verb: str, asked: Sequence[str] = ()) -> list[str]:
+    """Return the axes that were asked for, or all of the node.
+
+    Raises:
+        Failure: One is not there, or the node is a coordinator, which only homes and cancels.
+    """
+    known = list(client.parameters('axes').get('axes', ()))
+    cells = client.parameters('nodes').get('nodes', ()) if not known else ()
+    if cells:
+        raise Failure(coordinator(client.node_name, verb, cells))
+    for axis in asked:
+        if axis not in known:
+            raise Failure(f'{axis!r} is none of the axes {", ".join(known)}')
+    return list(asked) or known

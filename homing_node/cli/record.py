@@ -11,7 +11,7 @@ from typing import Any
 
 from ..parameters.definition import InvalidParameters
 from .common import FAILED, INTERRUPTED, OK, Failure, add_axes, add_node
-from .live import PATIENCE, STATUS, absent, full
+from .live import PATIENCE, STATUS, absent, coordinator, full
 
 TEXT = """\
 Records the next run of a running homing_node as an MCAP file, by its topics. It reads only. Needs
@@ -55,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; only here ROS is imported."""
     try:
+        from ..ros.asking import IsCoordinator
         from ..ros.run_listener import Listener
     except ImportError as error:
         raise Failure(f'`homing record` needs ROS 2 and mcap ({error})') from None
@@ -63,7 +64,10 @@ def run(arguments: argparse.Namespace) -> int:
         raise Failure(f'-o {path}: the file must end in .mcap, or `homing plot` does not know it')
     listener = Listener(full(arguments.node))
     try:
-        axes = _axes(listener, arguments)
+        try:
+            axes = _axes(listener, arguments)
+        except IsCoordinator as error:
+            raise Failure(coordinator(listener.target, 'record', error.nodes)) from None
         try:
             file = path.open('xb')
         except FileExistsError:
@@ -84,6 +88,7 @@ def _axes(listener: Any, arguments: argparse.Namespace) -> list[str]:
 
     Raises:
         Failure: The node, or an axis that was asked for, is not there.
+        IsCoordinator: The node is a coordinator.
     """
     until = time.monotonic() + PATIENCE
     while not listener.is_there():
@@ -94,8 +99,7 @@ def _axes(listener: Any, arguments: argparse.Namespace) -> list[str]:
         answered = listener.ask(PATIENCE)
     except InvalidParameters as error:
         raise Failure(
-            f'{listener.target} is no homing node whose parameters this version knows '
-            '(of a coordinator record the nodes)',
+            f'{listener.target} is no homing node whose parameters this version knows',
             *error.faults,
         ) from None
     if not answered:

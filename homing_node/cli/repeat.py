@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     uncertainties: list[float] = []
     with connected(arguments) as client:
         for number in range(1, arguments.runs + 1):
-            answer = client.home(arguments.axis)
+            answer = client.home(arguments.axis, force=True)  # a coordinator would skip it
             if not answer:
                 raise Failure(f'run {number}: {answer.message}', status=FAILED)
             (state,) = answer.states

@@ -4,7 +4,7 @@
 import argparse
 
 from .common import FAILED, OK, Failure, add_node
-from .live import STATUS, connected
+from .live import STATUS, axes_of, connected
 
 TEXT = """\
 Lets axes go on that wait before a turn (pause_mode). The axes move. Needs ROS.
@@ -32,10 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     with connected(arguments) as client:
-        axes = arguments.axes
-        if not axes:
-            known = client.parameters('axes').get('axes', [])
-            axes = [axis for axis in known if client.state(axis).paused]
+        axes = axes_of(client, 'continue', arguments.axes)
+        if not arguments.axes:
+            axes = [axis for axis in axes if client.state(axis).paused]
             if not axes:
                 raise Failure('no axis is paused', status=FAILED)
         answers = {axis: client.resume(axis) for axis in axes}

@@ -17,7 +17,7 @@ from ..survey.plan import Move, Plan
 from ..survey.report import layout_text
 from .common import FAILED, OK, Failure, add_node, console, positive, written
 from .held_key import HeldKey
-from .live import STATUS, connected, full
+from .live import STATUS, axes_of, connected, full
 from .progress import Display
 
 TEXT = """\
@@ -122,9 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _parameters(client: Any, axis: str) -> AxisParameters:
     """Return the parameters of the axis in the running node."""
-    axes = client.parameters('axes').get('axes', [])
-    if axis not in axes:
-        raise Failure(f'{axis!r} is none of the axes {", ".join(axes)}')
+    axes_of(client, 'survey', [axis])
     prefix = f'{axis}.'
     values = client.parameters(*(prefix + name for name in DEFINITIONS))
     plain = {name.removeprefix(prefix): value for name, value in values.items()}

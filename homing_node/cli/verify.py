@@ -3,9 +3,9 @@
 
 import argparse
 
-from .common import Failure, add_axes, add_node
+from .common import add_axes, add_node
 from .home import request
-from .live import STATUS, connected
+from .live import STATUS, axes_of, connected
 
 TEXT = """\
 Looks whether the homes of axes still hold: each axis searches its home again, and keeps the one
@@ -33,7 +33,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     with connected(arguments) as client:
-        axes = arguments.axes or client.parameters('axes').get('axes', [])
-        if not axes:
-            raise Failure('name the axes to verify')
+        axes = axes_of(client, 'verify', arguments.axes)
         return request(arguments, lambda show: client.verify(*axes, on_feedback=show))

@@ -5,7 +5,7 @@ Whoever asks calls ``poll`` now and then, and spins the executor in between.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -13,10 +13,32 @@ from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
+from ..parameters.configuration import Configuration, configuration
+
 
 def of_interest(name: str) -> bool:
     """Tell whether a parameter of a controller may matter: gains and the description do not."""
     return not name.startswith(('gains.', 'robot_description', 'qos_overrides.'))
+
+
+class IsCoordinator(Exception):
+    """A node is a coordinator, which has no axes of its own; ``nodes`` are those of its cells."""
+
+    def __init__(self, nodes: Sequence[str]) -> None:
+        self.nodes = list(nodes)
+        super().__init__(self.nodes)
+
+
+def configuration_of(values: Mapping[str, Any]) -> Configuration:
+    """Return what the parameters of a homing node say.
+
+    Raises:
+        IsCoordinator: They are those of a coordinator.
+        InvalidParameters: They contradict each other.
+    """
+    if 'nodes' in values and 'axes' not in values:
+        raise IsCoordinator(values['nodes'])
+    return configuration(values)
 
 
 class Clients:

@@ -38,6 +38,8 @@ from .waits import Waits
 
 #: How often the cells are looked at, and feedback is sent to goals, s.
 TICK, FEEDBACK = 0.05, 0.1
+#: Each so many feedbacks one is sent although nothing has changed: the coordinator lives.
+BEAT = 10
 #: Longest wait for a node to stop an axis, s.
 STOP = 10.0
 #: How long the process stays after its last answer, s.
@@ -59,6 +61,7 @@ class HomingCoordinator(DeclaringNode):
         self._state_topics: dict[str, Any] = {}
         self._changed: dict[int, dict[str, AxisState]] = {}  # for the feedback of each goal
         self._goals: dict[int, tuple[Any, Request]] = {}
+        self._feedbacks = 0
         self._by_id: dict[bytes, Request] = {}
         self._ends: list[tuple[Request | Preview, Future]] = []
         self._services_of_axes = AxisServices(self)
@@ -254,9 +257,11 @@ class HomingCoordinator(DeclaringNode):
 
     def _feedback(self) -> None:
         """Send each goal the states that have changed: a line may have hundreds of axes."""
+        self._feedbacks += 1
+        beat = self._feedbacks % BEAT == 0
         for number, (goal, _) in list(self._goals.items()):
             changed, self._changed[number] = self._changed[number], {}
-            if changed and goal.is_active:
+            if (changed or beat) and goal.is_active:
                 come = [
                     self._links[cell_of(axis)].progress.get(axis, (0.0, 0.0)) for axis in changed
                 ]

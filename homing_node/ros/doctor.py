@@ -32,11 +32,11 @@ from ..language.cdr import Broken
 from ..language.expression import BadExpression, Source
 from ..language.reader import Missing, NotMine, Reader
 from ..language.resolve import bind
-from ..parameters.configuration import Configuration, configuration
+from ..parameters.configuration import Configuration
 from ..parameters.connections import FEEDBACK
 from ..procedures.states import Input
 from . import graph, managers, message_types
-from .asking import Parameters, of_interest
+from .asking import Parameters, configuration_of, of_interest
 from .managers import ManagerList
 from .wired_input import default_value
 
@@ -70,6 +70,7 @@ def examine(
 
     Raises:
         NoSuchNode: There is no homing node of this name, or it does not answer.
+        IsCoordinator: The node is a coordinator.
         InvalidParameters: The parameters of the node contradict each other.
     """
     doctor = Doctor(node)
@@ -131,7 +132,7 @@ class Doctor:
         values = self._parameters(self.target, lambda _: True)
         if values is None:
             raise NoSuchNode(self.target, [self.target])
-        checked = configuration(values)
+        checked = configuration_of(values)
         setpoints = self._setpoints(checked)
         feedback = self._subscribed_of_type('sensor_msgs/msg/JointState')
         inputs = self._inputs(checked)

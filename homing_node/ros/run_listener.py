@@ -26,7 +26,7 @@ from ..language.expression import BadExpression
 from ..language.reader import Missing, NotMine, Reader
 from ..language.resolve import bind
 from ..parameters import yaml_file
-from ..parameters.configuration import AXIS_DEFINITIONS, Configuration, configuration
+from ..parameters.configuration import AXIS_DEFINITIONS, Configuration
 from ..parameters.connections import FEEDBACK
 from ..parameters.node_fields import NODE_DEFINITIONS
 from ..procedures.states import LATCHES, State
@@ -34,7 +34,7 @@ from ..recording.heard import Described, Heard, HeardRuns, Said
 from ..recording.run_file import AXIS_STATE, BOOL, FLOAT64, JOINT_STATE, JOINT_TRAJECTORY
 from ..version import version
 from . import graph, message_types, messages
-from .asking import Parameters
+from .asking import Parameters, configuration_of
 from .configured_node import OF_SEVERAL
 from .polling import Polled, Take, never_called, taker, waiting
 from .record_messages import RecordMessages
@@ -107,6 +107,7 @@ class Listener:
         """Read the parameters of the node; return whether it has answered.
 
         Raises:
+            IsCoordinator: It is a coordinator.
             InvalidParameters: It is no homing node, or its parameters contradict each other.
         """
         asked = Parameters(self._node, self.target, lambda _: True, patience)
@@ -115,7 +116,7 @@ class Listener:
         if asked.values is None:
             return False
         self._values = asked.values
-        self.checked = configuration(self._values)
+        self.checked = configuration_of(self._values)
         return True
 
     def record(self, file: BinaryIO, axes: Collection[str]) -> HeardRuns:
