@@ -4,7 +4,7 @@
 An axis crosses its home switch at constant velocity while messages are late; the counterpart is
 LinuxCNC's law: it takes the position of the servo cycle that sees the switch, an error that is
 uniform in 0 ... v T with T = 1 ms. Then random runs: does the reported uncertainty cover the
-error? Draws doc/accuracy.png.
+error? Draws accuracy.png.
 """
 
 import random
@@ -24,7 +24,7 @@ from homing_node.plant.layout import AxisLayout, SwitchLayout
 from homing_node.rehearsal.link import Transport
 from homing_node.rehearsal.run import Rehearsal
 
-PICTURE = Path(__file__).resolve().parent.parent / 'doc' / 'accuracy.png'
+PICTURE = Path(__file__).resolve().parent.parent / 'accuracy.png'
 EDGE = 0.1  # m; varied by up to 1 mm
 FLAG = 0.01
 SPEEDS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # m/s

@@ -273,7 +273,7 @@ def test_run_saves_and_plots(capsys):
     )
     assert status == 0 and out.endswith('wrote run.npz\n  wrote run.svg\n')
     course, title, unit = record.load('run.npz')
-    assert (title, unit) == ('x: HSHS from 0.05', 'm') and course.outcome.success
+    assert (title, unit) == ('x: HSHS from 0.05 m', 'm') and course.outcome.success
     assert '<svg' in Path('run.svg').read_text()
 
 

@@ -48,6 +48,7 @@ README = ROOT / 'README.md'
 GUIDE = DOC / 'guide.md'
 TUTORIAL = DOC / 'tutorial.md'
 ROS_INTERFACE = DOC / 'ros_interface.md'
+IMAGES = ('.svg', '.png', '.pdf', '.jpg')
 
 
 class Block(NamedTuple):
@@ -320,6 +321,42 @@ def test_pages_of_methods_and_of_other_files_are_generated():
     assert drawn == moving
     for family in methods.FAMILIES:
         assert (DOC / 'figures' / f'cia402_{family.name}.svg').stat().st_size < 40_000
+
+
+def of_script(name):
+    """Return a script that makes pages, as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / 'scripts' / f'{name}.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_figure_is_one_that_the_tests_hold_to_the_code():
+    """What is measured, or drawn of a real run, is not kept: nobody could see that it is old."""
+    kept = {str(one.relative_to(DOC)) for one in DOC.rglob('*') if one.suffix in IMAGES}
+    methods = {f'figures/cia402_{family.name}.svg' for family in of_script('methods').FAMILIES}
+    of_types = {one for one in kept if one.startswith('types/figures/')}  # see test_diagram.py
+    assert kept == of_types | methods | {
+        'edges.svg',  # see test_edge_time.py
+        'figures/gantry_square.svg',
+        'figures/gantry_skew.svg',
+    }
+
+
+def test_a_figure_of_the_methods_shows_the_runs_as_they_are():
+    """The one with the fewest runs: all are drawn by the same code."""
+    methods = of_script('methods')
+    family = min(methods.FAMILIES, key=lambda one: len(one.numbers))
+    committed = (DOC / 'figures' / f'cia402_{family.name}.svg').read_text()
+    assert methods.picture(family) == committed, 'run make docs'
+
+
+def test_the_figures_of_the_gantry_show_its_runs_as_they_are(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / 'scripts')
+    gantry = of_script('gantry')
+    for name, delay in (('square', 0.0), ('skew', gantry.LATE)):
+        committed = (DOC / 'figures' / f'gantry_{name}.svg').read_text()
+        assert gantry.run(delay)[1] == committed, 'run make docs'
 
 
 def rows_of(page, *columns):

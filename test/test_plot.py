@@ -17,7 +17,7 @@ from homing_node.core.outcome import Outcome
 from homing_node.course import Course, Sample
 from homing_node.figures.plot import POSITION_DIAGRAM, PROFILE, Panel, figure, save
 from homing_node.plant.layout import AxisLayout
-from homing_node.procedures.states import Error, HomeType, State
+from homing_node.procedures.states import Error, HomeType, Input, State
 from homing_node.rehearsal.examples import BEYOND, EXAMPLES, Run
 from homing_node.rehearsal.run import rehearse
 
@@ -122,8 +122,8 @@ def test_panels() -> None:
     ]
     assert [axes.get_ylabel() for axes in figure(made, panels=PROFILE).axes] == [
         '',
-        'velocity\nin mm/s',
-        'acceleration\nin mm/s²',
+        'velocity\ncommand\nin mm/s',
+        'acceleration\ncommand\nin mm/s²',
     ]
 
 
@@ -175,3 +175,69 @@ def test_the_same_course_gives_the_same_file(tmp_path: Path, suffix: str) -> Non
 def test_an_unknown_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match='xyz'):
         save(tmp_path / 'course.xyz', HSHS.rehearse(BEYOND))
+
+
+def long_axis(pitch: float = 0.0) -> tuple[Course, AxisLayout]:
+    """Return the run of an axis of 3 m, whose home switch is 12 mm wide."""
+    flags = {
+        'home_switch': HSHS.layout.switches['home_switch']._replace(on_from=2.5, on_to=2.512),
+        'positive_limit_switch': HSHS.layout.switches['positive_limit_switch']._replace(
+            on_from=2.9, on_to=4.0
+        ),
+    }
+    layout = HSHS.layout._replace(
+        hard_stops=(0.0, 3.0), switches=flags, index_pitch=pitch, index_offset=0.003
+    )
+    fast = replace(
+        HSHS.parameters,
+        travel=3.0,
+        homing_velocity_fast=0.2,
+        homing_velocity_fast_acc=1.0,
+        homing_velocity_fast_dec=1.0,
+        homing_reverse_distance=0.002,
+        switches=(Input.HOME_SWITCH, Input.POSITIVE_LIMIT_SWITCH),
+    )
+    return rehearse(fast, layout, position=1.5), layout
+
+
+def test_a_long_axis_is_shown_closely_where_it_homes() -> None:
+    made, layout = long_axis(pitch=0.01)
+    drawn = figure(made, layout)
+    whole, close = drawn.axes[1:3]
+    assert (whole.get_ylabel(), close.get_ylabel()) == ('position in m', 'from home\nin mm')
+    low, high = close.get_ylim()
+    assert -80.0 < low < -12.0 < 12.0 < high < 80.0  # the whole switch, and the turns around it
+    assert words(drawn).count('home switch') == 2 and 'home 2.500000 m' in words(drawn)
+    assert all(box.x0 >= 0.0 and box.x1 <= drawn.bbox.x1 for _, box in extents(drawn))
+    assert len(figure(HSHS.rehearse(BEYOND), HSHS.layout).axes) == len(drawn.axes) - 1
+
+
+@pytest.mark.parametrize(
+    'pitch, said',
+    [(0.5, 'index mark'), (0.1, 'each 2nd index mark'), (0.001, 'each 200th index mark')],
+)
+def test_index_marks_are_thinned(pitch: float, said: str) -> None:
+    made, layout = long_axis(pitch)
+    drawn = figure(made, layout, panels=POSITION_DIAGRAM)
+    assert said in words(drawn)
+    assert len(drawn.axes[1].lines) < 40
+
+
+def test_command_and_feedback_are_both_named() -> None:
+    made = HSHS.rehearse(BEYOND)
+    assert 'feedback, command' in words(figure(made, HSHS.layout))
+    behind = [one._replace(feedback=one.position - 0.02) for one in made.samples]
+    named = words(figure(replace(made, samples=behind), HSHS.layout))
+    assert {'feedback', 'command'} <= set(named)
+
+
+@pytest.mark.parametrize('layout', [HSHS.layout, None], ids=['layout', 'none'])
+def test_the_margins_are_as_wide_as_what_stands_there(layout: AxisLayout | None) -> None:
+    """No quarter of the width is empty; all texts are on the sheet (the test of every example)."""
+    drawn = figure(HSHS.rehearse(BEYOND), layout)
+    boxes = [box for _, box in extents(drawn)]
+    wide = drawn.bbox.width
+    assert min(box.x0 for box in boxes) < 0.06 * wide
+    assert max(box.x1 for box in boxes) > 0.94 * wide
+    panel = drawn.axes[1].get_window_extent()
+    assert panel.width > 0.7 * wide

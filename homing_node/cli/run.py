@@ -195,8 +195,8 @@ def _run_axis(
         )
     except ValueError as error:  # a follower would be beyond a hard stop
         raise Failure(f'{arguments.layout}: axis {axis}: {error}') from None
-    title = f'{axis}: {parameters.home_type} from {trial.start:g}'
     unit = arguments.unit or str(parameters.unit)
+    title = f'{axis}: {parameters.home_type} from {trial.start:g} {unit}'
     files = []
     if arguments.save:
         from ..figures import record

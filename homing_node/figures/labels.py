@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from matplotlib.axes import Axes
 
-from .sheet import LINE, POINTS, SMALL
+from .sheet import BESIDE, LINE, POINTS, SMALL
 
 
 class Label(NamedTuple):
@@ -30,7 +30,7 @@ def draw_labels(axes: Axes, labels: Sequence[Label], low: float, high: float, ta
             label.text,
             (1.0, label.height),
             xycoords=('axes fraction', 'data'),
-            xytext=(14.0, place - (label.height - low) * points),
+            xytext=(BESIDE, place - (label.height - low) * points),
             textcoords='offset points',
             size=SMALL,
             color=label.colour,

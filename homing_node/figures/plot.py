@@ -22,21 +22,35 @@ from ..course import Course, Sample
 from ..plant.layout import AxisLayout
 from ..procedures.states import TextEnum
 from .gantry_plot import draw_followers, draw_skew, sides_of
+from .near_home import layout_from, reach_of, shifted
 from .palette import (
     BLUE,
     GREY,
     INK,
 )
-from .position_panel import Scale, draw_position
-from .sheet import INNER, LARGE, LEFT, LINE, NORMAL, POINTS, SMALL, STRIP, WIDTH
-from .state_strip import bands_of, draw_names, place_names
+from .position_panel import Scale, draw_position, labels_of, time_of_home
+from .sheet import (
+    LARGE,
+    LEFT,
+    LINE,
+    NORMAL,
+    POINTS,
+    RIGHT,
+    SCALE,
+    SMALL,
+    STRIP,
+    WIDTH,
+    right_margin,
+)
+from .state_strip import bands_of, draw_names, names_need, place_names
 
 
 class Panel(TextEnum):
     """A part of the picture; all parts share the time axis."""
 
     POSITION = 'position'
-    SKEW = 'skew'  # of a gantry, below its position diagram
+    CLOSE = 'near home'  # of a long axis, below its position diagram
+    SKEW = 'skew'  # of a gantry, there, too
     VELOCITY = 'velocity'
     ACCELERATION = 'acceleration'
 
@@ -46,10 +60,22 @@ PROFILE = (Panel.VELOCITY, Panel.ACCELERATION)
 WHOLE = POSITION_DIAGRAM + PROFILE
 
 #: How strongly the states colour a panel: the position diagram has the switches besides.
-TINT = {Panel.POSITION: 0.09, Panel.SKEW: 0.17, Panel.VELOCITY: 0.17, Panel.ACCELERATION: 0.17}
+TINT = {
+    Panel.POSITION: 0.09,
+    Panel.CLOSE: 0.09,
+    Panel.SKEW: 0.17,
+    Panel.VELOCITY: 0.17,
+    Panel.ACCELERATION: 0.17,
+}
 
 # Lengths on the sheet: in.
-HEIGHTS = {Panel.POSITION: 2.8, Panel.SKEW: 1.1, Panel.VELOCITY: 1.1, Panel.ACCELERATION: 1.1}
+HEIGHTS = {
+    Panel.POSITION: 2.8,
+    Panel.CLOSE: 1.6,
+    Panel.SKEW: 1.1,
+    Panel.VELOCITY: 1.1,
+    Panel.ACCELERATION: 1.1,
+}
 TITLE, GAP, TIME_AXIS, LEGEND = 0.34, 0.09, 0.40, 0.17
 
 #: A course shorter than this part of its axis is shown closely.
@@ -71,22 +97,32 @@ def figure(
     infinite); without it only what the course itself recorded is drawn. ``unit`` is that of the
     positions, m or rad; m is shown as mm where the view is shorter than 2 m.
 
-    The position diagram of a gantry has its followers, too, as far as the leader's encoder would
-    show them, and their skew below.
+    Where the turns around home are too small to be seen, a panel shows them closely. The position
+    diagram of a gantry has its followers, too, as far as the leader's encoder would show them, and
+    their skew below.
     """
     samples = course.samples
     sides = sides_of(course, layout)
     if sides and Panel.POSITION in panels:
         below = panels.index(Panel.POSITION) + 1
         panels = (*panels[:below], Panel.SKEW, *panels[below:])
+    view = _view(course, layout)
+    time, span = time_of_home(course, view[1] - view[0]), view[1] - view[0]
+    reach = 0.0 if sides else reach_of(course, time, span)
+    if reach and Panel.POSITION in panels:
+        below = panels.index(Panel.POSITION) + 1
+        panels = (*panels[:below], Panel.CLOSE, *panels[below:])
     begin = samples[0].time if samples else 0.0
     end = (samples[-1].time - begin if samples else 0.0) or 1.0
     bands = list(bands_of(samples))
-    view = _view(course, layout)
     under = beneath.samples if beneath is not None else []
     last = max(end, under[-1].time - under[0].time if under else 0.0)
-    names = place_names(bands, last)
-    scale = Scale(1e3, 'mm') if unit == 'm' and view[1] - view[0] < 2.0 else Scale(1.0, unit)
+    scale = _scale(span, unit)
+    beside = labels_of(course, layout, view, scale) if Panel.POSITION in panels else []
+    right = right_margin([label.text for label in beside], SCALE if sides else RIGHT)
+    right = max(right, names_need(bands, last))
+    inner = WIDTH - LEFT - right
+    names = place_names(bands, last, inner, right)
 
     lines = max((name.level for name in names), default=0)
     top = (TITLE if title else 0.06) + lines * LINE / POINTS + STRIP
@@ -98,7 +134,7 @@ def figure(
         sheet.text(LEFT / WIDTH, 1.0 - 0.08 / height, title, size=LARGE, weight='bold', va='top')
 
     def axes(bottom: float, tall: float) -> Axes:
-        made = sheet.add_axes((LEFT / WIDTH, bottom / height, INNER / WIDTH, tall / height))
+        made = sheet.add_axes((LEFT / WIDTH, bottom / height, inner / WIDTH, tall / height))
         made.set_xlim(0.0, last)
         made.tick_params(labelsize=SMALL, length=2.5, width=0.6, color=GREY)
         for spine in made.spines.values():
@@ -110,7 +146,7 @@ def figure(
     for panel in panels:
         level -= GAP + HEIGHTS[panel]
         one = axes(level, HEIGHTS[panel])
-        one.yaxis.set_label_coords(-0.40 / INNER, 0.5)
+        one.yaxis.set_label_coords(-0.42 / inner, 0.5)
         for band in bands:
             one.axvspan(band.begin, band.end, color=band.colour, alpha=TINT[panel], lw=0, zorder=0)
             one.axvline(band.end, color=GREY, lw=0.5, alpha=0.7, zorder=2.5)
@@ -131,6 +167,15 @@ def figure(
                 borderaxespad=0.0,
                 borderpad=0.0,
             )
+        elif panel is Panel.CLOSE and course.outcome is not None:
+            home, nearby = course.outcome.home_position_raw, _scale(2.0 * reach, unit)
+            where = layout and layout_from(layout, home)
+            draw_position(
+                one, shifted(course, home), where, begin, (-reach, reach), nearby, HEIGHTS[panel]
+            )
+            if beneath is not None:
+                _draw_under(one, shifted(beneath, home).samples, 'feedback', nearby)
+            one.set_ylabel(f'from home\nin {nearby.unit}', size=NORMAL)
         elif panel is Panel.SKEW:
             draw_skew(one, course, sides, begin, unit)
         else:
@@ -164,6 +209,10 @@ def save(
 
 
 # ------------------------------------------------------------------------------- what is shown
+
+
+def _scale(span: float, unit: str) -> Scale:
+    return Scale(1e3, 'mm') if unit == 'm' and span < 2.0 else Scale(1.0, unit)
 
 
 def _view(course: Course, layout: AxisLayout | None) -> tuple[float, float]:
@@ -203,7 +252,7 @@ def _draw_rate(axes: Axes, panel: Panel, samples: Sequence[Sample], scale: Scale
     axes.axhline(0.0, color=GREY, lw=0.6, zorder=2)
     axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
     per = 's' if panel is Panel.VELOCITY else 's²'
-    axes.set_ylabel(f'{panel}\nin {scale.unit}/{per}', size=NORMAL)
+    axes.set_ylabel(f'{panel}\ncommand\nin {scale.unit}/{per}', size=NORMAL)
 
 
 def _draw_line(

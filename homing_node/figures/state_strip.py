@@ -2,17 +2,18 @@
 """The home states of a course: a strip of colours with their names, above the panels."""
 
 from collections.abc import Iterator, Sequence
-from functools import cache
 from itertools import count, groupby
 from typing import NamedTuple
 
 from matplotlib.axes import Axes
-from matplotlib.textpath import TextPath
 
 from ..course import Sample
 from ..procedures.states import State
 from .palette import GREY, INK, state_colour
-from .sheet import INNER, LINE, POINTS, RIGHT, SMALL, STRIP
+from .sheet import LINE, POINTS, SMALL, STRIP, text_width
+
+#: No strip is narrower, in.
+NARROWEST = 4.5
 
 
 class Band(NamedTuple):
@@ -49,21 +50,35 @@ class Name(NamedTuple):
     level: int
 
 
-@cache
-def _text_width(text: str, size: float) -> float:
-    """Return the width of a text, points; measuring one takes 30 ms."""
-    return float(TextPath((0.0, 0.0), text, size=size).get_extents().width)
+def names_need(bands: Sequence[Band], end: float) -> float:
+    """Return how far names may have to go beyond the strip, in: each can begin over its band."""
+    inch = end / NARROWEST
+    widths = [(text_width(band.state) + 6.0) / POINTS for band in bands]
+    return max(
+        (
+            width - (end - (band.begin + band.end) / 2) / inch
+            for band, width in zip(bands, widths, strict=True)
+            if width > (band.end - band.begin) / inch
+        ),
+        default=0.0,
+    )
 
 
-def place_names(bands: Sequence[Band], end: float) -> list[Name]:
+def place_names(bands: Sequence[Band], end: float, inner: float, right: float) -> list[Name]:
     """Put each name into its band (level 0) or, where that is too short, on a free line above.
 
     No name covers another one or the stroke that ties another one to its band: from right to
     left, each goes to the lowest line where it can stand over its band or begin there.
+
+    Args:
+        bands: The bands.
+        end: Where the strip ends, s.
+        inner: How wide the strip is, in.
+        right: How far a name may go beyond the strip, in.
     """
-    point = end / (INNER * POINTS)
+    point = end / (inner * POINTS)
     middles = [(band.begin + band.end) / 2 for band in bands]
-    widths = [(_text_width(band.state, SMALL) + 6.0) * point for band in bands]
+    widths = [(text_width(band.state) + 6.0) * point for band in bands]
     inside = [width <= band.end - band.begin for band, width in zip(bands, widths, strict=True)]
     strokes = [middle for middle, fits in zip(middles, inside, strict=True) if not fits]
     names: list[Name] = []
@@ -79,7 +94,7 @@ def place_names(bands: Sequence[Band], end: float) -> list[Name]:
             (level, left)
             for level in count(1)
             for left in (max(0.0, middle - width / 2), middle)
-            if left + width <= end + RIGHT * POINTS * point
+            if left + width <= end + right * POINTS * point
             and not any(left < stroke < left + width for stroke in strokes)
             and not any(
                 left < stroke < left + width for line, _, _, stroke in taken if line > level
