@@ -4,6 +4,7 @@
 import ast
 import sys
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -222,3 +223,18 @@ def test_the_tables_are_plain_data():
 )
 def test_every_file_names_its_license(path):
     assert '# SPDX-License-Identifier: Apache-2.0\n' in path.read_text()[:100]
+
+
+@pytest.mark.parametrize(
+    'path',
+    [p for folder in ('scripts', 'bench') for p in sorted((PACKAGE.parent / folder).glob('*.py'))],
+    ids=lambda p: str(p.relative_to(PACKAGE.parent)),
+)
+def test_scripts_and_benchmarks_import_what_is_there(path):
+    """Most of them run by hand only; mypy does not look at them."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module.startswith('homing_node'):
+            module = import_module(node.module)
+            for alias in node.names:
+                if not hasattr(module, alias.name):
+                    import_module(f'{node.module}.{alias.name}')

@@ -15,7 +15,9 @@ P = axis_parameters({'home_type': 'HS', 'travel': 0.2}, 'x')
 
 
 def axis(position):
-    return SimpleNamespace(raw_position=position, hold_position=position + 0.25, parameters=P)
+    return SimpleNamespace(
+        raw_position=position, hold_position=position + 0.25, parameters=P, powered=True
+    )
 
 
 @pytest.fixture
@@ -53,6 +55,19 @@ def test_what_was_held_does_not_follow_the_feedback(order, axes):
     axes['x'].hold_position = axes['x'].raw_position = 0.0501
     assert order.cycle(moving=False)
     assert order.held['x_joint'] == 0.3  # as it was when the hold began
+
+
+def test_an_axis_whose_servo_is_off_is_held_where_it_comes_to_rest(order, axes):
+    """A run whose drive went off ends while the axis still coasts: that is no wrong order."""
+    assert order.missing
+    assert order.cycle(moving=True) is False
+    axes['x'].powered = False
+    axes['x'].raw_position, axes['x'].hold_position = 0.06, 0.31
+    assert not order.cycle(moving=False)
+    axes['x'].powered = True
+    assert not order.cycle(moving=False)
+    assert order.wrong is None
+    assert order.held['x_joint'] == 0.31
 
 
 def test_an_axis_that_moves_is_named(order, axes):

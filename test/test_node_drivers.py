@@ -104,12 +104,16 @@ def test_two_sources_of_one_joint(tmp_path):
 
 @pytest.mark.long
 def test_a_heartbeat_is_no_polling(tmp_path):
-    """A switch that is published on change and repeats its level is as exact as ever."""
+    """A switch that is published on change and repeats its level is as exact as ever.
+
+    Its driver proves that by a change that comes early, which about every other run has; and a
+    home whose edge comes when the next repeat is due stays open.
+    """
     values = {'home_type': 'HS', 'switch_stamp_error': 0.0005}
     with world(tmp_path, values, {'switch_heartbeat': 0.3, 'switch_jitter': 0.3}) as one:
-        told = []
-        for _ in range(3):  # one may come when the next repeat is due: that is open
+        for _ in range(12):
             home, uncertainty, _ = homed(one.client)
             assert abs(home - EDGE) <= uncertainty + ROUNDING
-            told.append(uncertainty)
-        assert min(told) <= 0.05 * 0.005
+            if uncertainty <= 0.05 * 0.005:
+                return
+        pytest.fail('none of twelve homes was exact')

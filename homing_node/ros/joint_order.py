@@ -84,6 +84,10 @@ class JointOrder:
         limits = {slot.joint: _limit(slot.held) for slot in self._slots if slot.axis}
         least = min(limits.values())
         for joint, axis, held in self._slots:
+            if not held.powered:  # nothing holds it: its place is where it comes to rest
+                self._begun[joint] = held.raw_position
+                self.held[joint] = held.hold_position
+                continue
             by = abs(held.raw_position - self._begun[joint])
             if by > limits.get(joint, least):
                 return (

@@ -147,13 +147,13 @@ class ForwardedPositions:
         self._last = _without(self._last, self._controller.joints.index(joint))
 
     def update(self, now: int) -> Mapping[str, Command]:
-        """Return the commands that differ from the last ones."""
+        """Return the commands that differ from the last ones; the first has no velocity."""
         command = self._controller.update()
         if command is None:
             return {}
         last, self._last = self._last, command
         return {
-            joint: (position, None)
+            joint: (position, None if isfinite(before) else 0.0)
             for joint, position, before in zip(self._controller.joints, command, last, strict=True)
             if position != before and isfinite(position)
         }
