@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A gantry between real processes: two simulated axes are its two sides, without a spring."""
+"""A gantry between real processes: its sides are two simulated axes, or have a spring between."""
+
+import signal
 
 import pytest
 import ros_harness as ros
@@ -8,12 +10,15 @@ from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionClient
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float64
 from trajectory_msgs.msg import JointTrajectory
 
 #: The follower of y is 1 mm behind at the start, and its switches sit 0.3 mm further.
 SKEW, OFFSET = -0.001, 0.0003
 SIDE = {**ros.LAYOUT, 'home_switch': [0.055, 0.07]}
+#: N/m, and what the spring of these gantries may bear, N.
+STIFFNESS = 2e5
+MOST_FORCE = STIFFNESS * 0.002
 
 
 def follower_layout(skew=SKEW, offset=OFFSET):
@@ -23,6 +28,25 @@ def follower_layout(skew=SKEW, offset=OFFSET):
         if isinstance(value, list) and name != 'hard_stops'
     }
     return {**SIDE, **moved, 'start': 0.04 + skew}
+
+
+def sprung(name, skew=-0.0019):
+    """Return the layout of a gantry with a spring, its follower that far behind."""
+    moved = follower_layout(skew)
+    own = {key: moved[key] for key in ('home_switch', 'start')}
+    return {**SIDE, 'followers': [f'{name}2'], f'{name}2': {**own, 'stiffness': STIFFNESS}}
+
+
+def slow_gantry(name):
+    """Return the parameters of a gantry whose squaring takes long enough to be met."""
+    own = {'joint': f'{name}2_joint', 'switch_offset': OFFSET}
+    return {
+        'joint': f'{name}_joint',
+        'followers': [f'{name}2'],
+        'max_skew': 0.002,
+        'homing_velocity_slow': 0.003,
+        f'{name}2': own,
+    }
 
 
 def gantry(name, plant, **changes):
@@ -46,25 +70,23 @@ def world(tmp_path_factory):
     plant = {'y': SIDE, 'other': follower_layout(), 'x': SIDE}
     plant |= {'dead': {**follower_layout(), 'home_switch': [0.4, 0.41]}}
     plant |= {'z': SIDE}
-    for name in ('c', 'e'):
-        plant |= {name: SIDE, f'{name}_other': follower_layout(skew=-0.0019)}
+    plant |= {name: sprung(name) for name in ('e', 'k')}
     parameters = ros.node_parameters(
         {
             'y': gantry('y', 'other'),
             'x': {'joint': 'x_joint'},
             'z': gantry('z', 'dead'),
-            **{
-                name: gantry(name, f'{name}_other', homing_velocity_slow=0.002)
-                for name in ('c', 'e')
-            },
+            **{name: slow_gantry(name) for name in ('e', 'k')},
         },
     )
     joints = {f'{name}.joint': f'{name}_joint' for name in plant}
+    joints |= {f'{name}.{name}2.joint': f'{name}2_joint' for name in ('e', 'k')}
     with ros.World(
         tmp_path_factory.mktemp('gantry'),
         parameters,
         {**ros.plant_parameters(plant), **joints},
     ) as running:
+        running.parameters = parameters
         yield running
 
 
@@ -145,38 +167,169 @@ def test_a_dead_switch_of_a_follower_stops_both_sides(world):
         assert samples[-1].position - samples[0].position < 0.025
 
 
-@pytest.mark.parametrize(
-    ('name', 'error'), [('c', 'Canceled'), ('e', 'EmergencyStop')], ids=['cancel', 'stop']
-)
-def test_a_gantry_stops_while_it_squares(world, name, error):
-    """Only the follower moves then: it stops on its own path, and the gantry is not homed."""
-    client = world.client
+def home_until(client, name, state):
+    """Ask a gantry to home; return the request once the gantry is in a state and moves there."""
     states = client.record_states(name)
-    setpoints = client.record(JointTrajectory, 'setpoints')
     asking = client.asking_to_home(name)
-    stop = client.node.create_publisher(Bool, client.name('emergency_stop'), 1)
 
-    def squares():
+    def is_there():
         refusal = asking.answer()
         assert refusal is None, refusal.message
-        return states and state_of(states).state == 'Squaring'
+        return states and state_of(states).state == state
 
-    client.until(squares, timeout=40.0, what='Squaring')
-    begun = len(setpoints)
-    client.until(lambda: len(setpoints) > begun + 5)
-    if error == 'Canceled':
-        assert client.trigger(f'{name}/cancel').success
-    else:
-        client.until(lambda: stop.get_subscription_count() > 0)
-        stop.publish(Bool(data=True))
-    client.until(lambda: asking.answer(), what='an answer')
-    answer = asking.answer()
+    client.until(is_there, timeout=40.0, what=state)
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    client.until(lambda: len(setpoints) > 5)
+    return asking
+
+
+def assert_ends(client, name, asking, error):
+    """Check that a run ends with an error, not homed."""
+    answer = client.until(asking.answer, what='an answer')
     assert not answer.success and answer.message.startswith(error), answer.message
-    if error == 'EmergencyStop':
-        stop.publish(Bool(data=False))
-    client.node.destroy_publisher(stop)
-    client.until(lambda: state_of(states).state == 'Idle')
+    states = client.record_states(name)
+    client.until(lambda: states and state_of(states).state == 'Idle')
     assert not state_of(states).homed
-    samples = ros.course_of(setpoints, f'{name}_other_joint')
+
+
+def forces_of(client, name):
+    """Record what the spring of a gantry bears."""
+    return client.record(Float64, f'/simulated_axes/{name}/{name}2/racking_force')
+
+
+def assert_square(client, name, forces):
+    """Home a gantry, and check that the spring never bore more than max_skew is worth."""
+    answer = client.home(name)[name]
+    assert answer.success, answer.message
+    heard = len(forces)
+    client.until(lambda: len(forces) > heard + 50)
+    assert max(abs(one.message.data) for one in forces) <= MOST_FORCE
+    assert abs(forces[-1].message.data) <= STIFFNESS * 7e-5
+
+
+def stop_of(client):
+    """Return the publisher of the emergency stop, once the node listens."""
+    stop = client.node.create_publisher(Bool, client.name('emergency_stop'), 1)
+    client.until(lambda: stop.get_subscription_count() > 0)
+    return stop
+
+
+def test_an_emergency_stop_in_squaring(world):
+    """Only the follower moves then: it stops on its own path, and the gantry is not homed."""
+    client = world.client
+    forces, stop = forces_of(client, 'e'), stop_of(client)
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    asking = home_until(client, 'e', 'Squaring')
+    stop.publish(Bool(data=True))
+    assert_ends(client, 'e', asking, 'EmergencyStop')
+    stop.publish(Bool(data=False))
+    samples = ros.course_of(setpoints, 'e2_joint')
     assert samples[-1].velocity == 0.0
     ros.assert_within_limits(samples, 0.05, 1.0, 20.0)
+    assert max(abs(one.message.data) for one in forces) <= MOST_FORCE
+    client.node.destroy_publisher(stop)
+
+
+@pytest.mark.long
+def test_the_node_is_killed_in_squaring_and_its_successor_canceled_in_proving(world):
+    """The machine comes to rest by what it was told; a new node squares what is left.
+
+    After the cancel the gantry is square, but not homed.
+    """
+    client = world.client
+    forces = forces_of(client, 'k')
+    home_until(client, 'k', 'Squaring')
+    world.processes.remove(world.node)
+    client.watch(*world.processes)
+    world.node.signal(signal.SIGKILL)
+    world.node.wait()
+    feedback = client.record(JointState, '/joint_states')
+
+    def rests():
+        newest = [one.message for one in feedback[-50:]]
+        places = [one.position[one.name.index('k2_joint')] for one in newest]
+        return len(newest) == 50 and max(places) - min(places) < 1e-6
+
+    client.until(rests, what='rest')
+    world.node = world.run('homing_node', world.parameters)
+    client.watch(*world.processes)
+    states = client.record_states('k')
+    client.until(lambda: any(one.sent > feedback[-50].sent for one in states), what='a new node')
+    assert not state_of(states).homed
+    asking = home_until(client, 'k', 'Proving')
+    assert client.trigger('k/cancel').success
+    assert_ends(client, 'k', asking, 'Canceled')
+    assert_square(client, 'k', forces)
+
+
+# ----------------------------------------------------- what only a plant by hand does to a gantry
+
+
+@pytest.fixture(scope='module')
+def hand(tmp_path_factory):
+    """A gantry whose switches stay off; the test moves its sides, and switches its drives."""
+    inputs = ['home_switch', 'positive_limit_switch', 'negative_limit_switch', 'servo_enabled']
+    own = gantry('y', 'other')
+    own['y2'] = {'joint': 'other_joint'}
+    parameters = ros.node_parameters({'y': {**own, 'switches': inputs, 'travel': 1.0}})
+    with ros.World(tmp_path_factory.mktemp('hand'), parameters) as running:
+        plant = ros.HandPlant(running.client, y_joint=0.0, other_joint=0.1)
+        for side in ('y', 'y/y2'):
+            plant.set_levels(side)
+            plant.until_heard(f'{side}/servo_enabled', True)
+        running.hand = plant
+        yield running
+        plant.close()
+
+
+def moving(world):
+    """Start the gantry; return its request and the setpoints, once it is fast."""
+    client = world.client
+    setpoints = client.record(JointTrajectory, 'setpoints')
+    asking = client.asking_to_home('y')
+
+    def is_fast():
+        refusal = asking.answer()
+        assert refusal is None, refusal.message
+        samples = ros.course_of(setpoints[-5:], 'y_joint')
+        return samples and samples[-1].velocity > 0.0499
+
+    client.until(is_fast, what='motion')
+    return asking, setpoints
+
+
+def test_the_feedback_of_one_side_stands_still(hand):
+    """Both sides stop; what was racked then is not added to by the next run."""
+    client, plant = hand.client, hand.hand
+    asking, setpoints = moving(hand)
+    plant.hard_stops['other_joint'] = plant.positions['other_joint']
+    answer = client.until(asking.answer, what='an answer')
+    assert answer.message.startswith('SkewTooLarge: axis y: y.y2 is '), answer.message
+    for joint in ('y_joint', 'other_joint'):
+        samples = ros.course_of(setpoints, joint)
+        assert samples[-1].velocity == 0.0
+        ros.assert_within_limits(samples, 0.05, 1.0, 20.0)
+    again = client.trigger('y/home')
+    assert again.message.startswith('SkewTooLarge'), again.message
+    assert 'before the run that failed' in again.message
+    assert client.servo('y', False).success
+    del plant.hard_stops['other_joint']
+    plant.positions['other_joint'] = plant.positions['y_joint'] + 0.1  # squared by hand
+    assert client.servo('y', True).success
+
+
+@pytest.mark.parametrize('side', ['y', 'y/y2'])
+def test_the_drive_of_one_side_trips(hand, side):
+    """The other one comes to rest; then the node switches both off."""
+    client, plant = hand.client, hand.hand
+    told = {one: client.record(Bool, f'{one}/servo_on', ros.LATCHED) for one in ('y', 'y/y2')}
+    asking, _ = moving(hand)
+    plant.set(f'{side}/servo_enabled', False)
+    answer = client.until(asking.answer, what='an answer')
+    name = side.replace('/', '.')
+    wanted = f'ServoOff: axis y: the drive of {name} switched its servo off'
+    assert answer.message.startswith(wanted), answer.message
+    client.until(lambda: all(one and not one[-1].message.data for one in told.values()))
+    assert client.trigger('y/home').message.startswith('ServoOff')
+    plant.until_heard(f'{side}/servo_enabled', True)
+    assert client.servo('y', True).success

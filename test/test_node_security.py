@@ -67,18 +67,21 @@ def used(graph, node):
 
 @pytest.fixture(scope='module')
 def seen(tmp_path_factory):
-    """Run a node with one axis that has every input, its simulated axes, and the relay."""
+    """Run a node with an axis that has every input and a gantry, their plant, and the relay."""
     inputs = {
         'x': {
             'switches': [str(i) for i in Input],
             'near_ls_type': 'Dec',
             'external_ls_type': 'Dec',
             'apply': 'relay',
-        }
+        },
+        'y': {'followers': ['y2'], 'max_skew': 0.002},
     }
     pairs = {f'{kind}_negative_limit_switch': [-0.055, 0.0] for kind in ('near', 'external')}
     pairs |= {f'{kind}_positive_limit_switch': [0.08, 0.135] for kind in ('near', 'external')}
-    plant = ros.plant_parameters({'x': {**pairs, 'touch_probe': 0.05}})
+    plant = ros.plant_parameters(
+        {'x': {**pairs, 'touch_probe': 0.05}, 'y': {'followers': ['y2'], 'y2': {'stiffness': 1e5}}}
+    )
     parameters = ros.node_parameters(inputs)
     with ros.World(tmp_path_factory.mktemp('security'), parameters, plant) as world:
         graph = world.client.node
@@ -93,6 +96,8 @@ def seen(tmp_path_factory):
             return (
                 node['actions', 'execute']
                 and '/homing_node/x/servo' in node['services', 'reply']
+                and '/homing_node/y/y2/home_switch' in node['topics', 'subscribe']
+                and '/simulated_axes/transition_event' in node['topics', 'subscribe']
                 and '/homing_node/setpoints' in axes['topics', 'subscribe']
                 and found['homed_axes']['actions', 'call']
                 and found
