@@ -12,9 +12,9 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from ..parameters.definition import InvalidParameters
 from .managed_node import ManagedNode
 from .middleware import shared_memory_hazard
+from .process import made
 
 #: Longest wait for the last answers to leave after the axes have stopped, s.
 FAREWELL = 1.0
@@ -54,15 +54,8 @@ def main(args: list[str] | None = None) -> int:
         hint = " (YAML reads an unquoted y or n as a boolean: axes: ['x', 'y'])"
         print(f'homing_node: {error}{hint if "bool" in str(error) else ""}', file=sys.stderr)
         return 1
-    try:
-        node = ManagedNode()
-    except InvalidParameters as error:
-        print(
-            'homing_node: the parameters are not valid:',
-            *error.faults,
-            sep='\n  ',
-            file=sys.stderr,
-        )
+    node = made('homing_node', ManagedNode)
+    if node is None:
         return 1
     hazard = shared_memory_hazard(os.environ, rclpy.get_rmw_implementation_identifier())
     if hazard:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process of a node that stands above the homing node: the relay, the coordinator."""
+"""The process of a node: how it is made, and the life of one that stands above the homing node."""
 
+import gc
 import signal
 import sys
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -13,12 +14,34 @@ from rclpy.signals import SignalHandlerOptions
 from ..parameters.definition import InvalidParameters
 
 
+Made = TypeVar('Made')
+
+
 class Running(Protocol):
     """A node that is started, and closed when all is said."""
 
     def start(self) -> None: ...
     def close(self) -> None: ...
     def destroy_node(self) -> None: ...
+
+
+def made(name: str, make: Callable[[], Made]) -> Made | None:
+    """Make a node; return None, with every fault on stderr, if its parameters are not valid.
+
+    A half-made node that outlived the interpreter would crash it: the threads of the middleware
+    still run (seen on Kilted).
+
+    Args:
+        name: What stands before the faults.
+        make: Makes the node; raises InvalidParameters, with every fault.
+    """
+    try:
+        return make()
+    except InvalidParameters as error:
+        print(f'{name}: the parameters are not valid:', *error.faults, sep='\n  ', file=sys.stderr)
+    gc.collect()  # now that nothing refers to it, the half-made node goes before its context
+    rclpy.shutdown()
+    return None
 
 
 def run(
@@ -43,10 +66,8 @@ def run(
     except RuntimeError as error:  # rcl cannot read a parameter file
         print(f'{name}: {error}', file=sys.stderr)
         return 1
-    try:
-        node: Running = make()
-    except InvalidParameters as error:
-        print(f'{name}: the parameters are not valid:', *error.faults, sep='\n  ', file=sys.stderr)
+    node: Running | None = made(name, make)
+    if node is None:
         return 1
     executor = SingleThreadedExecutor()
     executor.add_node(node)
