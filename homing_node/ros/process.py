@@ -13,7 +13,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..parameters.definition import InvalidParameters
 
-
 Made = TypeVar('Made')
 
 
