@@ -14,6 +14,7 @@ from typing import Any
 
 from core_rig import rig
 
+from homing_node.core.axis import Axis
 from homing_node.core.gantry_axis import GantryAxis
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import AxisParameters
@@ -70,7 +71,7 @@ class Sample:
 
 
 class Gantry:
-    """A gantry and its plants in simulated time.
+    """A gantry and its plants in simulated time; with one side it is a single axis.
 
     Attributes:
         motor_of: which plant the setpoints of each drive go to.
@@ -97,7 +98,7 @@ class Gantry:
         base = rig(home_type).built(**(built or {}))
         values = {
             **base.values,
-            'max_skew': 0.002,
+            'max_skew': 0.002 if len(sides) > 1 else 0.0,
             'homing_reverse_distance': 0.002,
             'switch_stamp_error': 0.0,
             'followers': [f'y{n}' for n in range(2, len(sides) + 1)],
@@ -139,7 +140,11 @@ class Gantry:
                 **side.own,
             }
             followers[f'y.y{n}'] = follower_parameters(leader, f'y{n}', own)
-        self.axis = GantryAxis('y', leader, PERIOD, 0.0, followers)
+        self.axis: Any = (
+            GantryAxis('y', leader, PERIOD, 0.0, followers)
+            if followers
+            else Axis('y', leader, PERIOD)
+        )
         self.drives = list(self.axis.drives.values())
         self._messages: list[tuple[float, int, Callable[[float], None]]] = []
         self._last: dict[tuple[int, str], float] = {}
@@ -192,7 +197,8 @@ class Gantry:
             arrival, _, deliver = heapq.heappop(self._messages)
             deliver(arrival)
         setpoint = self.axis.update(self.time)
-        commands = [setpoint, *(follower.setpoint for follower in self.axis.followers)]
+        followers = getattr(self.axis, 'followers', ())
+        commands = [setpoint, *(follower.setpoint for follower in followers)]
         for n, one in enumerate(commands):
             if one is not None and self.motor_of[n] not in self.deaf:
                 self.plants[self.motor_of[n]].follow(one[0], over=PERIOD)
