@@ -8,7 +8,9 @@ from figures import Figure, alternately, seconds, within
 from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig
 
 from homing_node.core.axis import Axis
+from homing_node.core.gantry_axis import GantryAxis
 from homing_node.parameters.axis import axis_parameters
+from homing_node.parameters.gantry import follower_parameters
 from homing_node.procedures.states import Input
 
 PERIOD = 0.004
@@ -52,6 +54,43 @@ def feed_and_update(axis: Axis, cycles: int, start: int = 0) -> None:
             position, _, _ = setpoint
 
 
+def searching_gantry() -> GantryAxis:
+    """Return a gantry of two in the same search."""
+    leader = axis_parameters({**ENDLESS, 'followers': ['x2'], 'max_skew': 1e-3})
+    followers = {'x.x2': follower_parameters(leader, 'x2', {})}
+    axis = GantryAxis('x', leader, PERIOD, 0.0, followers)
+    for drive in axis.drives.values():
+        for switch in Input.HOME_SWITCH, Input.POSITIVE_LIMIT_SWITCH, Input.NEGATIVE_LIMIT_SWITCH:
+            drive.switch(switch, 0.0, False)
+        drive.feedback(0.0, 0.0)
+    refusal = axis.home(0.0)
+    assert refusal is None, refusal
+    feed_and_update_both(axis, 600, start=1)
+    assert axis.running and axis.profile.done
+    return axis
+
+
+def feed_and_update_both(axis: GantryAxis, cycles: int, start: int = 0) -> None:
+    """Run some cycles: a sample of each side's feedback, and the update."""
+    (follower,) = axis.followers
+    leads, follows, update, position, beside = (
+        axis.feedback,
+        follower.feedback,
+        axis.update,
+        0.0,
+        0.0,
+    )
+    for cycle in range(start, start + cycles):
+        now = cycle * PERIOD
+        leads(now, position)
+        follows(now, beside)
+        setpoint = update(now)
+        if setpoint is not None:
+            position, _, _ = setpoint
+            assert follower.setpoint is not None
+            beside, _, _ = follower.setpoint
+
+
 def feed(axis: Axis, cycles: int, start: int = 0) -> None:
     """Give samples of feedback only."""
     feedback = axis.feedback
@@ -92,9 +131,15 @@ def figures(quick: bool = False) -> Iterator[Figure]:
     ) -> float:
         return seconds(partial(work, searching(how), cycles, 600)) / cycles * 1e6
 
-    both, ramp, fed, updated, alone, reading = alternately(
+    def of_gantry() -> float:
+        return (
+            seconds(partial(feed_and_update_both, searching_gantry(), cycles, 600)) / cycles * 1e6
+        )
+
+    both, two, ramp, fed, updated, alone, reading = alternately(
         repeats,
         lambda: per_cycle(feed_and_update),
+        of_gantry,
         lambda: per_cycle(feed_and_update, ACCELERATING),
         lambda: per_cycle(feed),
         lambda: per_cycle(update),
@@ -108,6 +153,7 @@ def figures(quick: bool = False) -> Iterator[Figure]:
         alone,
         15,
     )
+    yield within('a gantry of two, against one axis', 'µs', two, both, 2.2)
     yield within('the same while the axis accelerates', 'µs', ramp, alone, 15)
     yield within('Axis.update alone', 'µs', updated, alone, 15)
     yield Figure('Axis.feedback alone', 'µs', fed, alone)

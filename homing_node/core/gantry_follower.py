@@ -96,10 +96,11 @@ class Follower:
             self._leader.stop(failure.error, f'{self.name}: {failure.seen}; {failure.hint}')
         if track.time == before:
             return
-        raw, p = self.raw_position, self._leader.parameters
+        raw = self.sign * track.position
         if moving:
             self._watch.follow(time, raw)
             return
+        p = self._leader.parameters
         jump = self._watch.step(time, raw, self.readings.leap, p.ls_dec)
         if jump:
             self.readings.forget_places()

@@ -57,31 +57,41 @@ class GantryRules:
         self._p, self._sides, self._switches, self._profile = parameters, sides, switches, profile
         self._leader, self._followers = sides[0], sides[1:]
         self._began = self._leader.track.position
-        self.largest_skew = 0.0
+        self.largest_skew = self._noticed = 0.0  # the latter is no more than the limit
         self._missed = inf  # since when a reference is missing, s
+        self._watched = [
+            # a side with a switch_timeout is looked at in each cycle
+            (side, side.readings, side.track, -inf if p.switch_timeout else p.feedback_timeout)
+            for side, p in ((one, one.parameters) for one in self._followers)
+        ]
 
     def broken(self, machine: Machine, now: float) -> Failure | None:
         """Return the rule that is broken, None while all hold."""
         squares = machine.row.motion.kind is Kind.SQUARE  # gantry_squaring.py bounds that move
-        least, command = machine.rules.least_limit, self._profile.present
-        for side in self._followers:
-            p, readings, track = side.parameters, side.readings, side.readings.track
-            if now - readings.arrival > p.feedback_timeout or p.switch_timeout:
+        least, command = machine.rules.least_limit, self._profile.commanded()
+        leader = self._leader.track
+        for side, readings, track, timeout in self._watched:
+            if now - readings.arrival > timeout:
                 stale = readings.stale(now)
                 if stale is not None:
                     return stale._replace(seen=f'{side.name}: {stale.seen}')
-            skewed = None if squares else self._skewed(side, track)
-            if skewed is not None:
-                return skewed
+            place = track.position
+            if not squares and (
+                track.time != leader.time
+                or abs(place - leader.position - side.apart) > self._noticed
+            ):
+                skewed = self._skewed(side, track)
+                if skewed is not None:
+                    return skewed
             follower = side.follower
             assert follower is not None
             own = follower.profile
-            behind = (command + follower.offset if own is None else own.present) - track.position
+            behind = (command + follower.offset if own is None else own.present) - place
             if abs(behind) > least:
                 failure = self._lagging(side, behind, machine, now)
                 if failure is not None:
                     return failure
-        missing = self._missing(machine)
+        missing = self._missing(machine) if self._switches.apart else None
         if missing is None:
             self._missed = inf
         elif self._missed == inf:
@@ -117,9 +127,10 @@ class GantryRules:
         else:
             skew, unsure = self.skew(side, side.apart)
         size = abs(skew)
+        limit = self._p.max_skew
         if size > self.largest_skew:
             self.largest_skew = size
-        limit = self._p.max_skew
+            self._noticed = min(size, limit)
         if size <= limit or size - (unsure or self.skew(side, side.apart)[1]) <= limit:
             return None
         ahead = 'ahead of' if skew > 0.0 else 'behind'

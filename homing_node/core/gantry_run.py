@@ -11,6 +11,7 @@ from ..parameters.axis import AxisParameters
 from ..procedures.procedure import Row
 from ..procedures.squaring import reference_of
 from ..procedures.states import Error, Input
+from .edge_queue import EdgeQueue
 from .gantry_rules import GantryRules
 from .gantry_side import Side
 from .gantry_squareness import Squareness
@@ -20,6 +21,7 @@ from .outcome import Failure, MemberHome
 from .profile import Profile
 from .settling import Settling
 from .signals import Edge, Mark
+from .track import Track
 
 
 class GantryRun:
@@ -65,16 +67,18 @@ class GantryRun:
         self.switches = GantrySwitches(parameters, leader, self.sides, self.event)
         self.rules = GantryRules(parameters, self.sides, self.switches, profile)
         self.squareness = Squareness(parameters, self.sides, self.event)
-        self._takes: list[tuple[Side, _EdgesOfSide]] = []
+        self._takes: list[tuple[EdgeQueue, _EdgesOfSide, Track]] = []
 
     def start(self, machine: Machine) -> None:
         """Work for a machine from now on."""
-        self._takes = [(side, _EdgesOfSide(self, side, machine)) for side in self.sides]
+        self._takes = [
+            (side.edges, _EdgesOfSide(self, side, machine), side.track) for side in self.sides
+        ]
 
     def update(self, machine: Machine, now: float) -> None:
         """Give the machine the edges of the group; end the run if a rule is broken."""
-        for side, takes in self._takes:
-            side.edges.update(takes, side.track)
+        for edges, takes, track in self._takes:
+            edges.update(takes, track)
         self.switches.refresh()
         failure = self.rules.broken(machine, now)
         if failure is not None:

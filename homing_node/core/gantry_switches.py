@@ -29,6 +29,7 @@ class GantrySwitches:
         levels: the levels of the group, by the leader's inputs.
         captures: the captured switches of the group.
         home: the reference of each side, once it was found.
+        apart: whether a side waits for another one at a captured switch.
     """
 
     def __init__(
@@ -74,6 +75,7 @@ class GantrySwitches:
                     if self._uses(side, source)
                 }
                 self.captures[source] = Captures(source, levels, leader)
+        self.apart = not self._agree()
 
     def take(self, side: Side, edge: Edge, machine: Machine) -> Edge | None:
         """Take an edge of a side; return the edge for the leader's own queue, if it is one.
@@ -111,8 +113,10 @@ class GantrySwitches:
         captures = self.captures[self.source(side, edge)]
         if edge.time < self._since:
             captures.note(side, edge)
+            self.apart = not self._agree()
             return None
         group = captures.add(side, edge)
+        self.apart = not self._agree()
         if group is not None:
             group.refresh(self._leader.track)
             if not group.resolved:
@@ -131,6 +135,7 @@ class GantrySwitches:
         self._since = now
         for captures in self.captures.values():
             captures.forget()
+        self.apart = not self._agree()
 
     def not_before(self, way: Way) -> list[Side]:
         """Return which sides do not stand before their reference switch yet.
@@ -183,6 +188,9 @@ class GantrySwitches:
         p = side.parameters
         on_home = source is Input.HOME_SWITCH
         return p.gantry_homing_use_slave_hs if on_home else p.gantry_homing_use_slave_ls
+
+    def _agree(self) -> bool:
+        return all(captures.agree for captures in self.captures.values())
 
     def _level(self, side: Side, source: Input) -> bool | None:
         return side.readings.switches[self._inputs[side][source]].level
