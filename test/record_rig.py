@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from homing_node.ros import messages
 from homing_node.ros.recorder import Recorder
+from homing_node.ros.reports import StateReport
 
 #: How much stamps are ahead of the time of a rehearsal, ns.
 OFFSET = 1_795_000_000 * 10**9
@@ -46,7 +47,7 @@ class Recorded:
         """Publish the state, as the node does at each change."""
         axis = self.made.axis
         stamp = OFFSET + round(self.made.time * 1e9)
-        self.recorder.state(axis, stamp, messages.axis_state(stamp, axis))
+        self.recorder.state(axis, stamp, StateReport(messages.axis_state(stamp, axis)))
 
     def cycle(self):
         """Do what the node does in a cycle."""

@@ -5,6 +5,8 @@ import errno
 import io
 import random
 from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 from core_rig import HS, home_of, rig
@@ -18,12 +20,14 @@ from homing_node.core.outcome import Outcome
 from homing_node.memory.disk import Disk
 from homing_node.procedures.states import Error, Input
 from homing_node.recording import reading
+from homing_node.recording.cycles import Cycles
 from homing_node.recording.folder import RecordFolder, name_of
 from homing_node.recording.heard import BEFORE, Described, Heard, HeardRuns, Said
 from homing_node.recording.mcap_file import McapFile
-from homing_node.recording.tap import LONGEST_WAIT, Tap
+from homing_node.recording.tap import LONGEST_WAIT, MOST_WAITING, Tap
 from homing_node.ros import messages
 from homing_node.ros.record_messages import RecordMessages, definition
+from homing_node.ros.reports import StateReport
 
 
 def folder_in(path, runs=50, failures=200, disk=None):
@@ -424,20 +428,78 @@ def test_a_folder_that_cannot_be_made_is_one_warning(tmp_path):
     assert 'Not a directory' in warning
 
 
+def test_cycles_of_several_axes_are_packed_together():
+    cycles = Cycles(['x', 'y'])
+    assert [len(one) for one in cycles.of('x')] == [0, 3]
+    cycles.note(0.1, {'x': (1.0, 2.0, 3.0)})
+    cycles.note(0.2, {'y': (4.0, 5.0, 6.0), 'x': (7.0, 8.0, 9.0), 'z': (0.0, 0.0, 0.0)})
+    assert len(cycles) == 2
+    times, numbers = cycles.of('x')
+    assert times.tolist() == [0.1, 0.2]
+    assert numbers.tolist() == [[1.0, 7.0], [2.0, 8.0], [3.0, 9.0]]
+    times, numbers = cycles.of('y')
+    assert (times.tolist(), numbers.tolist()) == ([0.2], [[4.0], [5.0], [6.0]])
+    assert not len(cycles.of('z')[0])
+
+
+def test_a_state_that_is_recorded_is_serialized_once():
+    published = []
+    report = StateReport(AxisState(axis='x'))
+    report.publish(SimpleNamespace(publish=published.append))
+    report.recorded = True
+    report.publish(SimpleNamespace(publish=published.append))
+    assert published[0] is report.message and published[1] is report.serialized()
+    assert deserialize_message(published[1], AxisState) == report.message
+
+
 def test_a_disk_that_hangs_costs_no_memory(tmp_path):
     """Nobody takes what is noted."""
-    made = rig('HS').rehearsal()
+    recorded = Recorded(rig('HS').rehearsal(), folder_in(tmp_path))
+    made = recorded.made
     for _ in range(5):
         made.cycle()
     assert made.axis.home(made.time) is None
-    tap = Tap(made.axis, made.time, 0)
-    cycles = int(LONGEST_WAIT / made.period) + 100
-    for number in range(cycles):
+    recorded.cycle()
+    (tap,) = recorded.recorder.open.values()
+    most = int(LONGEST_WAIT / made.period)
+    for number in range(most + 99):
         made.axis.readings.switches[Input.HOME_SWITCH].set(number, False, float(number))
-        tap.cycle(made.time, None)
-    taken = tap.take()
-    assert len(taken.rows) == cycles - 100
+        recorded.recorder.cycle(made.time, {})
     assert tap.lost == 100
+    for number in range(MOST_WAITING):
+        made.axis.readings.switches[Input.HOME_SWITCH].set(number, True, -float(number))
+        recorded.recorder.cycle(made.time, {})
+    taken = tap.take()
+    assert len(taken.readings) == MOST_WAITING
+    assert sum(map(len, taken.cycles)) == most
+
+
+def test_feedback_that_nobody_takes_is_bounded(tmp_path):
+    made = rig('HS').rehearsal()
+    for _ in range(5):
+        made.cycle()
+    tap = Tap(made.axis, made.time, 0)
+    track = made.axis.readings.track
+    for number in range(MOST_WAITING + 100):
+        track.append(made.time + made.period * (number + 1), 1e-6 * number)
+        tap.gather()
+    taken = tap.take()
+    assert len(taken.feedback) == 2 * MOST_WAITING and tap.lost == 101
+    times = list(taken.feedback[::2])
+    assert times == sorted(set(times))
+
+
+def test_two_runs_in_a_row_share_no_cycle(tmp_path):
+    """The cycles of all axes are noted together; each run has its own of them."""
+    recorded = Recorded(rig('HS').rehearsal(), folder_in(tmp_path))
+    recorded.home(write_every=10**9)
+    recorded.home(write_every=7)
+    first, second = (reading.read(file).course for file in sorted(tmp_path.glob('*.mcap')))
+    assert first.samples and second.samples
+    assert first.samples[-1].time < second.samples[0].time
+    assert {round(b.time - a.time, 6) for a, b in pairwise(second.samples)} == {
+        recorded.made.period
+    }
 
 
 def test_many_runs_that_wait_for_the_disk_are_told(tmp_path):
@@ -491,7 +553,7 @@ def test_what_is_heard_from_outside_is_the_same_run(tmp_path):
             runs.state(
                 Heard(topic, kind, stamp + late - behind, idle), Said('x', stamp, True, 'NoError')
             )
-        level = RecordMessages().level.rows(data=[False])[0].tobytes()
+        level = RecordMessages().level.one(False)
         runs.take(
             Heard(
                 '/homing_node/x/home_switch', 'std_msgs/msg/Bool', begun - behind - 10**10, level

@@ -5,6 +5,9 @@ import os
 from pathlib import Path
 from typing import BinaryIO
 
+#: So much of a new file waits at most for a flush, bytes.
+BUFFER = 1 << 17
+
 
 class Disk:
     """The disk. Tests replace it by one that loses its power or that is full."""
@@ -29,9 +32,12 @@ class Disk:
             os.close(number)
 
     def create(self, path: Path) -> BinaryIO:
-        """Create a file, and its folder; raise FileExistsError if there is one of this name."""
+        """Create a file, and its folder; raise FileExistsError if there is one of this name.
+
+        What is written goes to the file at each flush at once, up to BUFFER.
+        """
         path.parent.mkdir(parents=True, exist_ok=True)
-        return path.open('xb')
+        return path.open('xb', BUFFER)
 
     def delete(self, path: Path) -> None:
         """Delete a file, if it is there."""

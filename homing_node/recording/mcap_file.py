@@ -31,7 +31,9 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from .template import Template
 
 MAGIC = b'\x89MCAP0\r\n'
 #: What stands before the bytes of each message.
@@ -116,7 +118,13 @@ class McapFile:
         self._keep(channel, np.array([[logged, self._size]], np.int64), head + data, 1)
 
     def add_block(
-        self, channel: int, logged: Times, published: Times, rows: NDArray[np.uint8]
+        self,
+        channel: int,
+        logged: Times,
+        published: Times,
+        template: Template,
+        columns: Mapping[str, ArrayLike],
+        stamped: bool = True,
     ) -> None:
         """Add messages of one topic.
 
@@ -124,24 +132,21 @@ class McapFile:
             channel: The number of the topic's channel.
             logged: When each was recorded, ns.
             published: The time that each is of, ns.
-            rows: The messages, a row each: CDR of one length.
+            template: What a message is.
+            columns: The numbers of all messages, by name.
+            stamped: Whether the messages have stamps: the times that they are of.
         """
-        count, length = rows.shape
-        if not count:
-            return
-        size = HEAD.itemsize + length
-        block = np.empty((count, size), np.uint8)
-        head = np.empty(count, HEAD)
-        head['opcode'] = Opcode.MESSAGE
-        head['length'] = size - PREFIX
-        head['channel'] = channel
-        head['sequence'] = np.arange(count) + self._counts[channel]
-        head['log_time'], head['publish_time'] = logged, published
-        block[:, : HEAD.itemsize] = head.view(np.uint8).reshape(count, HEAD.itemsize)
-        block[:, HEAD.itemsize :] = rows
+        count, size = len(logged), HEAD.itemsize + template.size
+        numbers = np.arange(count)
+        block = template.copies(count, HEAD, columns, published if stamped else None)
+        block['opcode'] = Opcode.MESSAGE
+        block['length'] = size - PREFIX
+        block['channel'] = channel
+        block['sequence'] = numbers + self._counts[channel]
+        block['log_time'], block['publish_time'] = logged, published
         entries = np.empty((count, 2), np.int64)
         entries[:, 0] = logged
-        entries[:, 1] = self._size + size * np.arange(count)
+        entries[:, 1] = numbers * size + self._size
         self._keep(channel, entries, block.tobytes(), count)
 
     def flush(self) -> None:

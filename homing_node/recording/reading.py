@@ -151,6 +151,14 @@ def read(path: Path, axis: str = '') -> RunRecord:
         OSError: It cannot be read.
     """
     found = contents(path)
+    try:
+        return _run_of(found, path, axis)
+    except AttributeError as error:  # a damaged definition has other fields
+        raise NoRun(f'{path}: a definition of a message in it is damaged: {error}') from None
+
+
+def _run_of(found: Contents, path: Path, axis: str) -> RunRecord:
+    """Return the last run of an axis; see `read`."""
     states = _states_by_axis(found)
     if not states:
         raise NoRun(f'{path}: no state of an axis in it: no topic of type {AXIS_STATE}')

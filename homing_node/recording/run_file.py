@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file of one run: which topics it has, and what becomes of what the tap has noted."""
 
+from array import array
 from collections.abc import Mapping
 from typing import Any, BinaryIO, NamedTuple, Protocol
 
@@ -8,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..procedures.states import LATCHES, Input
+from .cycles import Cycles
 from .mcap_file import McapFile
-from .tap import Found, Reading, Row, Taken
+from .tap import Found, Reading, Taken
 from .template import Template
 
 JOINT_TRAJECTORY = 'trajectory_msgs/msg/JointTrajectory'
@@ -20,6 +22,8 @@ SWITCH_EDGE = 'homing_interfaces/msg/SwitchEdge'
 
 #: The names of the metadata: about the run, and how it ended.
 ABOUT, OUTCOME = 'homing_node', 'outcome'
+#: The numbers of a setpoint.
+SETPOINT = 'position', 'velocity', 'acceleration'
 
 
 class Messages(Protocol):
@@ -47,9 +51,6 @@ class Messages(Protocol):
 
     def string(self, text: str) -> bytes:
         """Return a String."""
-
-    def serialized(self, message: Any) -> bytes:
-        """Return the bytes of a message object."""
 
 
 class About(NamedTuple):
@@ -96,7 +97,6 @@ class RunFile:
         self._mcap.metadata(ABOUT, about.values)
         self._setpoint = messages.setpoint(about.joint)
         self._feedback = messages.feedback(about.joint)
-        self._sampled = -np.inf
         self._channels: dict[str, int] = {}
         self._private = f'{about.node}/{about.axis}'
         begin = int(self._stamps(begun))
@@ -109,15 +109,17 @@ class RunFile:
         Raises:
             OSError: It cannot be written.
         """
-        if taken.rows:
-            self._write_cycles(np.array(taken.rows))
+        for cycles in taken.cycles:
+            self._write_setpoints(cycles)
+        if taken.feedback:
+            self._write_feedback(taken.feedback, taken.sign)
         for source in dict.fromkeys(reading.source for reading in taken.readings):
             readings = [one for one in taken.readings if one.source is source]
             self._write_readings(source, readings)
         self._write_edges(taken.found)
-        for stamp, message in taken.states:
+        for stamp, state in taken.states:
             channel = self._channel(f'{self._private}/state', AXIS_STATE)
-            self._mcap.add(channel, stamp, stamp, self._messages.serialized(message))
+            self._mcap.add(channel, stamp, stamp, state.serialized())
         self._mcap.flush()
 
     def finish(self, outcome: Mapping[str, str]) -> None:
@@ -141,24 +143,21 @@ class RunFile:
             self._channels[topic] = self._mcap.topic(topic, kind, self._messages.text(kind))
         return self._channels[topic]
 
-    def _write_cycles(self, cycles: NDArray[np.float64]) -> None:
-        column = dict(zip(Row._fields, cycles.T, strict=True))
-        logged = self._stamps(column['now'])
-        told = ~np.isnan(column['position'])
-        if told.any():
-            numbers = {name: column[name][told] for name in Row._fields[1:4]}
-            stamps = self._stamps(column['now'][told] + self._about.ahead)
-            rows = self._setpoint.rows(stamps, **numbers)
-            channel = self._channel(f'{self._about.node}/setpoints', JOINT_TRAJECTORY)
-            self._mcap.add_block(channel, logged[told], stamps, rows)
-        sampled = column['sampled']
-        new = np.diff(sampled, prepend=self._sampled) > 0.0
-        self._sampled = sampled[-1]
-        if new.any():
-            stamps = self._stamps(sampled[new])
-            rows = self._feedback.rows(stamps, position=column['feedback'][new])
-            channel = self._channel(self._about.feedback, JOINT_STATE)
-            self._mcap.add_block(channel, logged[new], stamps, rows)
+    def _write_setpoints(self, cycles: Cycles) -> None:
+        times, numbers = cycles.of(self._about.axis)
+        if not len(times):
+            return
+        channel = self._channel(f'{self._about.node}/setpoints', JOINT_TRAJECTORY)
+        stamps = self._stamps(times + self._about.ahead)
+        columns = dict(zip(SETPOINT, numbers, strict=True))
+        self._mcap.add_block(channel, self._stamps(times), stamps, self._setpoint, columns)
+
+    def _write_feedback(self, packed: 'array[float]', sign: float) -> None:
+        times, positions = np.frombuffer(packed).reshape(-1, 2).T
+        stamps = self._stamps(times)
+        channel = self._channel(self._about.feedback, JOINT_STATE)
+        columns = {'position': positions * sign}
+        self._mcap.add_block(channel, stamps, stamps, self._feedback, columns)
 
     def _write_readings(self, source: Input, readings: list[Reading]) -> None:
         stamps = self._stamps([one.now for one in readings])
@@ -166,7 +165,7 @@ class RunFile:
         latch = source in LATCHES
         template = self._messages.latched if latch else self._messages.level
         channel = self._channel(f'{self._private}/{source}', FLOAT64 if latch else BOOL)
-        self._mcap.add_block(channel, stamps, stamps, template.rows(data=values))
+        self._mcap.add_block(channel, stamps, stamps, template, {'data': values}, stamped=False)
 
     def _write_edges(self, found: list[Found]) -> None:
         for one in found:

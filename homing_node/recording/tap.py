@@ -1,32 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is noted of an axis in each cycle of a run, in memory and bounded.
+"""What is noted of an axis in a run, in memory and bounded.
 
-The cycle appends, somebody else takes what has come together. Times are those of the core, in s;
-positions are raw, m or rad.
+The cycle does as little as it can: it notes its time and the setpoints of all axes together
+(cycles.py), and looks whether a switch has a new message. The feedback is taken from the track, of
+one axis in each cycle. Somebody else takes what has come together. Times are those of the core, in
+s; positions are raw, m or rad.
 """
 
-from math import nan
-from typing import Any, NamedTuple
+from array import array
+from math import inf
+from typing import NamedTuple, Protocol
 
-from ..core.axis import Axis, Setpoint
-from ..core.signals import Edge
-from ..procedures.states import Input
+from ..core.axis import Axis
+from ..core.signals import Edge, Switch
+from ..core.track import Sample
+from ..procedures.states import LATCHES, Input
+from .cycles import Cycles
 
 #: Seconds of cycles, and how many messages of inputs, that wait at most to be taken.
 LONGEST_WAIT, MOST_WAITING = 20.0, 20_000
-#: The setpoint of a cycle in which the axis is not told to move.
-NO_SETPOINT = nan, nan, nan
+#: A reading that is closer behind another than this part of a cycle is left out.
+CLOSEST = 0.75
 
 
-class Row(NamedTuple):
-    """One cycle: its time, the setpoint (NaN: none), and the newest feedback with its time."""
+class State(Protocol):
+    """A state that is published."""
 
-    now: float
-    position: float
-    velocity: float
-    acceleration: float
-    sampled: float
-    feedback: float
+    def serialized(self) -> bytes:
+        """Return its bytes, which may have been made already."""
 
 
 class Reading(NamedTuple):
@@ -52,18 +53,31 @@ class Taken(NamedTuple):
     """What has come together since the last time.
 
     Attributes:
-        rows: The cycles; the fields of `Row` each.
+        cycles: The cycles of the node in the run, packed.
+        feedback: Times and positions of the new readings of the track, in its own frame.
+        sign: What makes them raw.
         readings: The messages of the inputs.
         found: The edges whose place is known.
-        states: The states, as they were published, each with its stamp in ns.
+        states: The states as they are published, each with its stamp in ns.
         ended: Whether nothing will come any more.
     """
 
-    rows: list[tuple[float, ...]]
+    cycles: list[Cycles]
+    feedback: 'array[float]'
+    sign: float
     readings: list[Reading]
     found: list[Found]
-    states: list[tuple[int, Any]]
+    states: list[tuple[int, State]]
     ended: bool
+
+
+class Watched:
+    """A switch of a run, and when its newest message came that was noted."""
+
+    __slots__ = ('switch', 'tap', 'seen')
+
+    def __init__(self, tap: 'Tap', switch: Switch) -> None:
+        self.tap, self.switch, self.seen = tap, switch, -1e300
 
 
 class Tap:
@@ -75,6 +89,9 @@ class Tap:
         begun: When it began, s.
         ended: How it ended, '' while it goes on.
         lost: How many cycles and messages are missing because nobody took them.
+        switches: Its switches, with what was noted of each.
+        looks: Whether `look` may find anything.
+        cycles: The cycles of the node in the run, those that are noted now last.
     """
 
     def __init__(self, axis: Axis, now: float, runs: int) -> None:
@@ -87,53 +104,84 @@ class Tap:
         """
         self.axis, self.begun, self.ended, self.lost = axis, now, '', 0
         self.runs = runs
+        self.cycles: list[Cycles] = []
         self._sign = axis.parameters.home_direction.sign
-        self._most = int(LONGEST_WAIT / axis.period)
-        self._rows: list[tuple[float, ...]] = []
+        readings, inputs = axis.readings, set(axis.parameters.inputs)
+        self._samples = readings.track.samples
+        self._period = CLOSEST * axis.period
+        self._feedback = array('d')
+        self._gathered = -inf
+        if self._samples:
+            self._gathered = self._samples[-1][0]
+            self._feedback.extend(self._samples[-1])
         self._readings: list[Reading] = []
-        self._states: list[tuple[int, Any]] = []
+        self._states: list[tuple[int, State]] = []
         self._seen = None if axis.machine is None else axis.machine.seen
         self._edges = self._latches = 0  # how many of both were taken
-        self._heard = [(switch, -1e300) for switch in axis.readings.switches.values()]
+        self.switches = [Watched(self, switch) for switch in readings.switches.values()]
+        self.looks = Input.SERVO_ENABLED in inputs or not inputs.isdisjoint(LATCHES)
         self._servo: bool | None = None
 
-    def cycle(self, now: float, setpoint: Setpoint | None) -> None:
-        """Note a cycle; the axis is locked."""
-        axis = self.axis
-        readings, rows = axis.readings, self._rows
-        if len(rows) < self._most:
-            track = readings.track
-            command = NO_SETPOINT if setpoint is None else setpoint
-            rows.append((now, *command, track.time, self._sign * track.position))
-        else:
-            self.lost += 1
-        for number, (switch, heard) in enumerate(self._heard):
-            if switch.seen != heard:
-                self._heard[number] = switch, switch.seen
-                if switch.signal is not None:
-                    self._read(max(switch.seen, self.begun), switch.input, switch.signal)
-        if readings.servo_enabled is not self._servo:
-            self._servo = readings.servo_enabled
-            if self._servo is not None:
-                self._read(now, Input.SERVO_ENABLED, self._servo)
+    def look(self, now: float) -> None:
+        """Note what the servo tells and what was latched; the axis is locked."""
+        servo = self.axis.readings.servo_enabled
+        if servo is not self._servo:
+            self._servo = servo
+            if servo is not None:
+                self._read(now, Input.SERVO_ENABLED, servo)
         if self._seen is not None and len(self._seen.latches) != self._latches:
             for one in self._seen.latches[self._latches :]:
                 self._read(now, one.input, self._sign * one.position)
             self._latches = len(self._seen.latches)
 
-    def state(self, stamp: int, message: Any) -> None:
+    def gather(self) -> None:
+        """Note new readings of the track, about one a cycle; the axis is locked."""
+        due = self._gathered + self._period
+        for time, position in reversed(self._since(due)):
+            if time >= due:
+                self._gathered, due = time, time + self._period
+                if len(self._feedback) < 2 * MOST_WAITING:
+                    self._feedback.extend((time, position))
+                else:
+                    self.lost += 1
+
+    def _since(self, due: float) -> list[Sample]:
+        """Return the readings from a time on, the newest first."""
+        found = []
+        for one in reversed(self._samples):
+            if one[0] < due:
+                break
+            found.append(one)
+        return found
+
+    def heard(self, switch: Switch) -> None:
+        """Note a message of a switch; the axis is locked."""
+        if switch.signal is not None:
+            self._read(max(switch.seen, self.begun), switch.input, switch.signal)
+
+    def state(self, stamp: int, state: State) -> None:
         """Note a state that is published; the axis is locked."""
         if len(self._states) < MOST_WAITING:
-            self._states.append((stamp, message))
+            self._states.append((stamp, state))
 
     def end(self, ended: str) -> None:
         """Note how the run ended; nothing is noted any more."""
+        self.gather()
         self.ended = ended
 
     def take(self) -> Taken:
-        """Return what has come together; the axis is locked."""
-        taken = Taken(self._rows, self._readings, self._found(), self._states, bool(self.ended))
-        self._rows, self._readings, self._states = [], [], []
+        """Return what has come together; the axis is locked, and new cycles are begun."""
+        taken = Taken(
+            self.cycles,
+            self._feedback,
+            self._sign,
+            self._readings,
+            self._found(),
+            self._states,
+            bool(self.ended),
+        )
+        self._feedback, self.cycles = array('d'), []
+        self._readings, self._states = [], []
         return taken
 
     def _read(self, now: float, source: Input, value: bool | float) -> None:

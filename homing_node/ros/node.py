@@ -46,7 +46,7 @@ from .memory import Memories
 from .outputs import Outputs
 from .readiness import Readiness
 from .recorder import recorder_of
-from .reports import Publishers, Reports
+from .reports import Publishers, Reports, StateReport
 from .services import Services
 from .setpoints import INTERFACES, PositionSetpoints
 from .subscriptions import Subscriptions
@@ -235,10 +235,13 @@ class HomingNode(ConfiguredNode):
             self._note_state,
         )
 
-    def _note_state(self, axis: GuardedAxis, stamp: int, message: AxisState) -> None:
-        """Record and show a state that is published; the lock is held."""
-        self._recorder.state(axis, stamp, message)
+    def _note_state(self, axis: GuardedAxis, stamp: int, report: StateReport) -> bool:
+        """Record and show a state that is published; return whether it is recorded.
+
+        The lock is held.
+        """
         self._markers.state(axis, stamp)
+        return self._recorder.state(axis, stamp, report)
 
     def _create_services(self, group: CallbackGroup) -> None:
         services = self.servers = Services(

@@ -17,8 +17,9 @@ from typing import Any, BinaryIO
 from ..core.axis import Axis, Setpoint
 from ..memory.folder import folder_path
 from ..parameters import yaml_file
+from ..recording.cycles import Cycles
 from ..recording.folder import CUT, RecordFolder
-from ..recording.tap import Tap
+from ..recording.tap import LONGEST_WAIT, State, Tap
 from ..version import version
 from .configured_node import ConfiguredNode
 from .record_messages import RecordMessages
@@ -31,8 +32,9 @@ except ImportError as error:  # mcap is on PyPI only
 else:
     MISSING = ''
 
-#: How often what was noted is written, s: so much is missing after a `kill -9`.
-WRITE_PERIOD = 1.0
+#: How often what was noted is written, s: so much is missing after a `kill -9`. Each time costs
+#: about 1 ms for each axis that homes, whatever there is to write.
+WRITE_PERIOD = 2.0
 #: Runs that have ended and wait for the disk; more are not recorded.
 MOST_ENDED = 8
 #: The node waits so long for the disk when it ends, s.
@@ -97,42 +99,63 @@ class Recorder:
         self._told = ''  # the warning that was logged last, as long as it is true
         self._skipped = 0  # runs that are not recorded because too many wait
         self.open: dict[str, Tap] = {}
+        self._noted = self._most = 0  # how many cycles wait to be written, and may wait
+        self._turn = 0
+        self._arrange()
         if folder is not None and MISSING:
             self.folder = None
             logger.warning(f'runs are not recorded: {MISSING}; pip install mcap (record)')
 
     # -------------------------------------------------------------- what happens; the lock is held
 
-    def state(self, axis: Axis, stamp: int, message: Any) -> None:
+    def state(self, axis: Axis, stamp: int, report: State) -> bool:
         """Note a state that is published; a run begins and ends with one.
 
         Args:
             axis: The axis.
             stamp: The stamp of the state, ns.
-            message: The state.
+            report: The state.
+
+        Returns:
+            Whether it is of a run, and will be written.
         """
         if self.folder is None:
-            return
+            return False
         tap, runs = self.open.get(axis.name), axis.history.count
         if tap is None:
             before = self._runs.setdefault(axis.name, 0)
             if not axis.moving and runs == before:
-                return
+                return False
             tap = self._begin(axis, min(runs, before))
-        tap.state(stamp, message)
-        if axis.handing_over or (axis.running and runs == tap.runs):
-            return
-        self._end(tap)
-        if axis.running:  # the next run has begun already
-            self._begin(axis, runs).state(stamp, message)
+        tap.state(stamp, report)
+        if not (axis.handing_over or (axis.running and runs == tap.runs)):
+            self._end(tap)
+            if axis.running:  # the next run has begun already
+                self._begin(axis, runs).state(stamp, report)
+        return True
 
     def cycle(self, now: float, setpoints: Mapping[str, Setpoint]) -> None:
         """Note a cycle of the runs that are on."""
-        for name, tap in self.open.items():
-            tap.cycle(now, setpoints.get(name))
+        taps = self._taps
+        if self._noted < self._most:
+            self._noted += 1
+            self._cycles.note(now, setpoints)
+        else:
+            for tap in taps:
+                tap.lost += 1
+        for one in self._watched:
+            if one.switch.seen != one.seen:
+                one.seen = one.switch.seen
+                one.tap.heard(one.switch)
+        for tap in self._looking:
+            tap.look(now)
+        self._turn += 1
+        taps[self._turn % len(taps)].gather()
 
     def _begin(self, axis: Axis, runs: int) -> Tap:
         tap = self.open[axis.name] = Tap(axis, self._timebase.now, runs)
+        self._most = int(LONGEST_WAIT / axis.period)
+        self._arrange()
         ended = sum(bool(one.tap.ended) for one in self._writings)
         if ended < MOST_ENDED:
             self._writings.append(Writing(tap, self._timebase.offset))
@@ -149,7 +172,21 @@ class Recorder:
         tap.end(well if outcome.success else str(outcome.error))
         self._runs[axis.name] = axis.history.count
         del self.open[axis.name]
+        self._arrange()
         self._wake.set()
+
+    def _arrange(self) -> None:
+        """Arrange what a cycle looks at: the runs that are on are others now."""
+        self._taps = list(self.open.values())
+        self._begin_cycles()
+        self._watched = [one for tap in self._taps for one in tap.switches]
+        self._looking = [tap for tap in self._taps if tap.looks]
+
+    def _begin_cycles(self) -> None:
+        """Begin to note cycles anew, for the runs that are on."""
+        self._cycles = Cycles(list(self.open))
+        for tap in self._taps:
+            tap.cycles.append(self._cycles)
 
     # --------------------------------------------------------------------------------- the thread
 
@@ -180,9 +217,11 @@ class Recorder:
 
     def _write(self) -> None:
         """Write what was noted since the last time."""
-        for one in list(self._writings):
-            with self._lock:
-                taken = one.tap.take()
+        with self._lock:
+            self._noted = 0
+            together = [(one, one.tap.take()) for one in self._writings]
+            self._begin_cycles()
+        for one, taken in together:
             if not one.failed and not self._trying(partial(self._save, one, taken)):
                 one.failed = True
                 self._give_up(one)

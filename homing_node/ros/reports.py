@@ -14,6 +14,9 @@ from operator import itemgetter
 from queue import Empty, Queue
 from typing import Any, NamedTuple
 
+from homing_interfaces.msg import AxisState
+from rclpy.serialization import serialize_message
+
 from ..core.axis import Axis
 from ..core.outcome import Outcome
 from ..parameters.connections import Output
@@ -36,6 +39,31 @@ LINGER = 0.1
 
 #: A publisher's method and its message, or the like.
 Report = tuple[Callable[[Any], object], Any]
+
+
+class StateReport:
+    """A state to publish, whose bytes are made once where it is recorded, too.
+
+    Attributes:
+        message: The state.
+        recorded: Whether somebody else wants the bytes.
+    """
+
+    __slots__ = ('message', 'recorded', '_bytes')
+
+    def __init__(self, message: AxisState) -> None:
+        self.message, self.recorded = message, False
+        self._bytes: bytes | None = None
+
+    def publish(self, publisher: Any) -> None:
+        """Publish the state."""
+        publisher.publish(self.serialized() if self.recorded else self.message)
+
+    def serialized(self) -> bytes:
+        """Return the bytes of the state."""
+        if self._bytes is None:
+            self._bytes = bytes(serialize_message(self.message))
+        return self._bytes
 
 
 class Afterwards(NamedTuple):
@@ -75,7 +103,8 @@ class Reports:
 
     ``stamp`` returns the ROS time in ns; ``lock`` guards the axes; ``node_name`` is the fully
     qualified one; ``inputs_of`` returns what the diagnostics say of each input of an axis;
-    ``note`` takes each state that is published (axis, stamp in ns, message).
+    ``note`` takes each state that is published (axis, stamp in ns, report), and returns whether
+    it is recorded.
     """
 
     def __init__(
@@ -88,7 +117,7 @@ class Reports:
         node_name: str,
         logger: Any,
         inputs_of: Callable[[Axis], Mapping[str, str]] = lambda axis: {},
-        note: Callable[[Axis, int, Any], object] = lambda axis, stamp, message: None,
+        note: Callable[[Axis, int, StateReport], object] = lambda axis, stamp, report: None,
     ) -> None:
         self._axes, self._joints, self._note = axes, joints, note
         self._to = publishers
@@ -224,9 +253,9 @@ class Reports:
     def _state(self, axis: Axis) -> None:
         """Queue the state of an axis; the lock is held."""
         stamp = self._stamp()
-        message = messages.axis_state(stamp, axis)
-        self._queue.put((self._to.states[axis.name].publish, message))
-        self._note(axis, stamp, message)
+        report = StateReport(messages.axis_state(stamp, axis))
+        report.recorded = bool(self._note(axis, stamp, report))
+        self._queue.put((report.publish, self._to.states[axis.name]))
 
     def _log(self, name: str, outcome: Outcome) -> None:
         """Log how a run of an axis ended; rclpy wants a line of its own for each level."""

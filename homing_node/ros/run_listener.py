@@ -348,10 +348,10 @@ class _InputUse:
         elif self._latch:
             before, self._counter = self._counter, counter
             if counter is None or before not in (None, counter):
-                self._take(FLOAT64, at, self._made.latched.rows(data=[value])[0].tobytes())
+                self._take(FLOAT64, at, self._made.latched.one(value))
         elif (level := value >= 0.5) is not self._last[0] or at > self._last[1] + REPEAT:
             self._last = level, at
-            self._take(BOOL, at, self._made.level.rows(data=[level])[0].tobytes())
+            self._take(BOOL, at, self._made.level.one(level))
 
     def _take(self, kind: str, at: int, data: bytes) -> None:
         self._runs.take(Heard(self._topic, kind, at, data))
