@@ -90,6 +90,10 @@ class Interrupted(KeyboardInterrupt):
         super().__init__()
 
 
+class Abandoned(KeyboardInterrupt):
+    """A second Ctrl-C: the goal was canceled, and nobody has waited until the axes rest."""
+
+
 class HomingClient:
     """A client of one homing node, in a context and a thread of its own.
 
@@ -157,7 +161,8 @@ class HomingClient:
             axes: The names of the axes; none: all axes, in `home_sequence`.
             dry_run: Nothing moves: the answer has the order, the times, and what is missing.
             force: A coordinator homes what is homed, too, whatever its `skip_homed` says.
-            on_feedback: Called at 10 Hz, in the client's thread.
+            on_feedback: Called at 10 Hz, in the client's thread. What it raises leaves this call,
+                once the axes rest; it is not called any more then.
             timeout: Longest wait for the end, s; None: no bound.
         """
         goal = Home.Goal(axes=list(axes), dry_run=dry_run, force=force)
@@ -373,12 +378,16 @@ class HomingClient:
         if not client.wait_for_server(self.discovery):
             raise NotThere(f'no action {action} within {self.discovery:g} s')
         heard = time.monotonic()
+        broken: Exception | None = None
 
         def forward(message: Any) -> None:
-            nonlocal heard
+            nonlocal heard, broken
             heard = time.monotonic()
-            if on_feedback is not None:
-                on_feedback(message.feedback)
+            if on_feedback is not None and broken is None:
+                try:
+                    on_feedback(message.feedback)
+                except Exception as error:  # the thread must go on: the result is to come
+                    broken = error
 
         def alive() -> bool:
             return client.server_is_ready() and time.monotonic() - heard < SILENCE
@@ -389,14 +398,21 @@ class HomingClient:
             if not accepted.accepted:
                 return kind.Result(message=f'{self.node_name} has rejected the goal')
             heard = time.monotonic()
-            return self._wait(accepted.get_result_async(), timeout, alive).result
+            result = self._wait(accepted.get_result_async(), timeout, alive).result
         except KeyboardInterrupt:
             heard = time.monotonic()
-            raise Interrupted(self._stop(client, sent, alive)) from None
+            try:
+                result = self._stop(client, sent, alive)
+            except KeyboardInterrupt:
+                raise Abandoned from None
+            raise Interrupted(result) from None
         except TimeoutError:
             heard = time.monotonic()
             self._stop(client, sent, alive)
             raise
+        if broken is not None:
+            raise broken
+        return result
 
     def _stop(self, client: Any, sent: Any, alive: Callable[[], bool]) -> Any:
         """Cancel a goal that was sent, and return its result, which comes when all is at rest.

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the client of a script makes of answers, and of none."""
 
+import io
 import json
 import math
 from types import SimpleNamespace
@@ -8,9 +9,11 @@ from types import SimpleNamespace
 import pytest
 from homing_interfaces.msg import AxisState
 from rclpy.task import Future
+from rich.console import Console
 
 from homing_node.cli import main
-from homing_node.client import Answer, HomingClient, Interrupted, NotThere
+from homing_node.cli.progress import Display
+from homing_node.client import Abandoned, Answer, HomingClient, Interrupted, NotThere
 
 
 @pytest.mark.parametrize(
@@ -132,8 +135,9 @@ def test_ctrl_c_waits_for_the_end_of_the_goal(monkeypatch):
         (TimeoutError('it is gone'), 1, 'it is gone; it is not known whether an axis still moves'),
         (Interrupted(SimpleNamespace(message='Canceled')), 130, 'the axes are at rest: Canceled'),
         (KeyboardInterrupt(), 130, 'interrupted'),
+        (Abandoned(), 130, 'interrupted twice; canceled, but it is not known whether an axis'),
     ],
-    ids=['not there', 'gone', 'interrupted', 'interrupted at once'],
+    ids=['not there', 'gone', 'interrupted', 'interrupted at once', 'interrupted twice'],
 )
 def test_how_a_verb_ends(monkeypatch, capsys, verb, error, status, said):
     def fails(*_, **__):
@@ -145,6 +149,55 @@ def test_how_a_verb_ends(monkeypatch, capsys, verb, error, status, said):
         monkeypatch.setattr(HomingClient, name, fails)
     assert main([verb, 'x']) == status
     assert said in capsys.readouterr().err
+
+
+def test_a_feedback_that_raises_leaves_the_call_at_its_end():
+    """The thread of the client goes on, and the result is waited for."""
+    server = Server()
+
+    def send(goal, feedback):
+        for _ in range(2):
+            feedback(SimpleNamespace(feedback='one'))
+        server.result.set_result(SimpleNamespace(result='homed'))
+        return Server.send_goal_async(server, goal, feedback)
+
+    server.send_goal_async = send
+    told = []
+
+    def broken(feedback):
+        told.append(feedback)
+        raise RuntimeError('it broke')
+
+    with pytest.raises(RuntimeError, match='it broke'):
+        client_of(server)._act(None, 'home', None, broken)
+    assert told == ['one'] and not server.canceled
+
+
+def test_a_second_ctrl_c_does_not_wait(monkeypatch, capsys):
+    server = Server(answers_cancel=False)
+    client = client_of(server)
+    waits = HomingClient._wait
+
+    def wait(future, *bounds):
+        if future is server.result:
+            raise KeyboardInterrupt
+        return waits(client, future, *bounds)
+
+    monkeypatch.setattr(client, '_wait', wait)
+    with pytest.raises(Abandoned):
+        client._act(None, 'home', None)
+    assert server.canceled
+
+
+def test_who_reads_a_pipe_may_go(monkeypatch):
+    class Gone(io.StringIO):
+        def write(self, text):
+            raise BrokenPipeError
+
+    monkeypatch.setattr('sys.stdout', Gone())
+    with Display(Console(file=io.StringIO())) as display:
+        display.show('x', 'HSSearch', 0.1, 1.0, '')
+        display.show('x', 'homed', 1.0, 1.0, '')
 
 
 @pytest.mark.parametrize('verb', ['verify', 'continue'])

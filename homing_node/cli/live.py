@@ -53,7 +53,7 @@ def connected(arguments: argparse.Namespace) -> Iterator[Any]:
     """
     verb = arguments.command
     try:
-        from ..client import HomingClient, Interrupted, NotThere
+        from ..client import Abandoned, HomingClient, Interrupted, NotThere
     except ImportError as error:
         raise Failure(f'`homing {verb}` needs ROS 2 ({error})') from None
     node = full(arguments.node)
@@ -67,6 +67,9 @@ def connected(arguments: argparse.Namespace) -> Iterator[Any]:
             raise Failure(
                 f'interrupted; the axes are at rest: {text}', status=INTERRUPTED
             ) from None
+        except Abandoned:
+            text = 'interrupted twice; canceled, but it is not known whether an axis still moves'
+            raise Failure(text, status=INTERRUPTED) from None
         except NotThere as error:
             raise Failure(str(error), status=FAILED) from None
         except TimeoutError as error:

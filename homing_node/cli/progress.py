@@ -2,6 +2,7 @@
 """How far each axis of a request has come: bars on a terminal, else a line for each new state."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from types import TracebackType
 from typing import Any
 
@@ -63,7 +64,8 @@ class Display:
         if not self._live:
             if self._shown.get(axis) != state:
                 self._shown[axis] = state
-                print(f'{axis}: {state}', flush=True)
+                with suppress(BrokenPipeError):  # who read has gone: the run goes on, and its end
+                    print(f'{axis}: {state}', flush=True)  # is told by the status
             return
         if axis not in self._tasks:
             self._tasks[axis] = self._progress.add_task(axis, state=state, way=way)
