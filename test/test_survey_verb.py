@@ -3,6 +3,7 @@
 
 import io
 from contextlib import contextmanager, nullcontext
+from math import inf
 from types import SimpleNamespace
 
 import pytest
@@ -12,7 +13,7 @@ from homing_node.cli import main, survey
 from homing_node.core.jog import Jog
 from homing_node.parameters.axis import DEFINITIONS
 from homing_node.plant import layout_file
-from homing_node.procedures.states import Error
+from homing_node.procedures.states import LIMIT_SWITCHES, Error
 
 
 class Client:
@@ -156,6 +157,33 @@ def test_a_motion_that_fails_ends_it_and_leaves_the_file(surveyed):
     status, out, err, client = surveyed(one, '--velocity', '0.05', '--yes')
     assert status == 1 and err.startswith('homing: FollowingError: axis x: '), err
     assert len(client.jogs) == 1 and 'wrote x_layout.yaml' in out
+
+
+@pytest.mark.parametrize('home_type', ['NearLS', 'ExternalLS', 'MechanicalEndDetectionLS'])
+def test_all_limit_switches_are_found(surveyed, home_type):
+    """Near and external ones, and those before a hard stop at which an axis homes."""
+    one = rig(home_type)
+    status, out, err, client = surveyed(one, '--velocity', '0.05', '--yes')
+    assert (status, err) == (0, ''), out
+    found = layout_file.load('x_layout.yaml').layouts['x']
+    start = client.made.axis.raw_position
+    first = min(
+        (flag.on_from, name)
+        for name, flag in one.layout.switches.items()
+        if name in LIMIT_SWITCHES and flag.on_from > start - 0.06
+    )
+    assert found.switches[first[1]].on_from == pytest.approx(first[0], abs=3e-4)
+    assert found.switches[first[1]].on_to == inf
+    assert 'not seen: negative_limit_switch: it stayed off' in out
+
+
+def test_a_hard_stop_in_the_way_is_no_doubt_about_a_switch(surveyed):
+    """The axis homes at the stop, and begins on its home switch: nothing is known of that."""
+    status, out, err, _ = surveyed(rig('MechanicalEndDetectionHS'), '--velocity', '0.05', '--yes')
+    assert status == 1 and err.startswith('homing: FollowingError: axis x: ')
+    assert 'doubt' not in out and 'FollowingError: FollowingError' not in out
+    assert 'if it stands at a hard stop, write the stop into the file' in out
+    assert 'home_switch: it was on between 0.07 and 0.098 m, which is not the whole way' in out
 
 
 @pytest.mark.parametrize(

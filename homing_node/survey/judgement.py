@@ -144,11 +144,23 @@ class _Judgement:
 
     def _failure(self) -> None:
         last = self._passes[-1]
-        if last.error not in (Error.NoError, Error.LSTriggered):
+        if self._ended_early:
+            said = last.message.removeprefix(f'{last.error}: ')
             self._found.unseen.append(
                 f'what is beyond {last.end:.6g} {self._p.unit}: the survey ended there, '
-                f'{last.error}: {last.message}'
+                f'{last.error}: {said}'
             )
+        if last.error is Error.FollowingError:
+            self._found.unseen.append(
+                f'why the axis did not follow at {last.end:.6g} {self._p.unit}: if it stands at a '
+                'hard stop, write the stop into the file, and survey with a shorter --within from '
+                'further away; a survey must not reach a hard stop'
+            )
+
+    @property
+    def _ended_early(self) -> bool:
+        """Whether the last motion failed, so that not all of the way was seen."""
+        return self._passes[-1].error not in (Error.NoError, Error.LSTriggered)
 
     # ----------------------------------------------------------------------------------- switches
 
@@ -288,6 +300,8 @@ class _Judgement:
         if level is None:
             text = f'{name}: no message of it has come; is it wired, and published?'
             self._found.unseen.append(text)
+        elif level and self._ended_early:
+            self._found.unseen.append(f'{name}: it was on {way}, which is not the whole way')
         elif level:
             self._doubt_polarity(name, f'on all the way {way}')
         else:
