@@ -3,7 +3,7 @@
 
 import sys
 
-from homing_node.ros.homed_axes import main
+from homing_node.ros.relay.homed_axes import main
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -32,7 +32,7 @@ Homes several machines together: it asks their homing nodes, in the order of the
 """,
     ),
     'homed_axes': (
-        'homing_node.ros.homed_axes',
+        'homing_node.ros.relay.homed_axes',
         """\
 usage: homed_axes --ros-args --params-file axes.yaml [further ROS arguments]
 
@@ -41,7 +41,7 @@ It reads the parameter file of homing_node and one of its own.
 """,
     ),
     'simulated_axes': (
-        'homing_node.ros.simulated_axes',
+        'homing_node.ros.simulated.axes',
         """\
 usage: simulated_axes --ros-args --params-file machine.yaml [further ROS arguments]
 

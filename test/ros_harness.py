@@ -35,7 +35,7 @@ from std_msgs.msg import Bool, Float64
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from homing_node.ros.simulated_controller import PlayedTrajectories
+from homing_node.ros.simulated.controller import PlayedTrajectories
 
 #: How long anything may take that takes no time, s: only a failing or starved test waits for it.
 PATIENCE = 20.0
@@ -68,8 +68,8 @@ DOMAINS = range(215, 232)
 MAINS = {
     'homing_node': 'homing_node.ros.main',
     'homing_coordinator': 'homing_node.ros.coordinator',
-    'homed_axes': 'homing_node.ros.homed_axes',
-    'simulated_axes': 'homing_node.ros.simulated_axes',
+    'homed_axes': 'homing_node.ros.relay.homed_axes',
+    'simulated_axes': 'homing_node.ros.simulated.axes',
 }
 
 

@@ -16,7 +16,7 @@ from homing_node.parameters.yaml_file import load, read
 from homing_node.plant.layout import AxisLayout, SwitchLayout
 from homing_node.procedures.states import Error
 from homing_node.rehearsal.run import rehearse
-from homing_node.ros.simulated_settings import settings_from
+from homing_node.ros.simulated.settings import settings_from
 
 CONFIG = Path(__file__).resolve().parent.parent / 'config'
 HYSTERESIS = 0.00005

@@ -39,7 +39,7 @@ from homing_node.plant.layout import SWITCHES, AxisLayout
 from homing_node.procedures.cia402 import METHODS
 from homing_node.procedures.states import LIMIT_SWITCHES, Error, HomeType, Input, LSType, State
 from homing_node.recording.folder import RecordFolder
-from homing_node.ros.simulated_settings import Settings
+from homing_node.ros.simulated.settings import Settings
 
 ROOT = Path(__file__).resolve().parent.parent
 DOC = ROOT / 'doc'

@@ -12,7 +12,7 @@ from homing_node.parameters.gantry import group_parameters
 from homing_node.parameters.wiring import wiring_of
 from homing_node.parameters.yaml_file import load, read
 from homing_node.procedures.states import Error, Input, LSType
-from homing_node.ros.simulated_settings import settings_from
+from homing_node.ros.simulated.settings import settings_from
 
 CONFIG = Path(__file__).resolve().parent.parent / 'config'
 

@@ -21,7 +21,7 @@ from homing_node.relay.joint_states import JointStates
 from homing_node.relay.known_home import TABLE, Knowledge, KnownHome, News
 from homing_node.relay.soft_limits import Knot, beyond
 from homing_node.relay.trajectories import offsets_of, refusal, to_homed, to_raw
-from homing_node.ros.relay_settings import settings_from
+from homing_node.ros.relay.settings import settings_from
 
 PLAIN = {'home_type': 'HS', 'travel': 0.5, 'apply': 'relay'}
 OFFSETS = (0.1, -1.0 / 3.0, 1e-9)

@@ -7,8 +7,8 @@ A drive takes an offset off the position of its axis; feedback and commands are 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ..plant.gantry import Plant
-from .simulated_controller import ForwardedPositions, PlayedTrajectories
+from ...plant.gantry import Plant
+from .controller import ForwardedPositions, PlayedTrajectories
 
 #: A drive takes new coordinates only while its axis is this close to its command, m or rad.
 AT_REST = 1e-6

@@ -6,19 +6,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
-from ..parameters.configuration import bad_names, unknown_axis
-from ..parameters.definition import Definition, InvalidParameters, read, table
-from ..parameters.node_fields import COMMON_DEFINITIONS, NODE_DEFINITIONS, SetpointInterface
-from ..plant.layout import (
+from ...parameters.configuration import bad_names, unknown_axis
+from ...parameters.definition import Definition, InvalidParameters, read, table
+from ...parameters.node_fields import COMMON_DEFINITIONS, NODE_DEFINITIONS, SetpointInterface
+from ...plant.layout import (
     DEAD_TIME,
     FEEDBACK_RATE,
     AxisLayout,
     sides_of,
     with_switch_rate,
 )
-from ..plant.layout_reader import layouts_from
-from . import simulated_drivers, simulated_services
-from .setpoints import dof_command
+from ...plant.layout_reader import layouts_from
+from ..setpoints import dof_command
+from . import drivers, services
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class Settings:
     second_source_position: float
     controller: str
     answer_time: float
-    set_position_answer: simulated_services.Answer
-    activate_answer: simulated_services.Answer
+    set_position_answer: services.Answer
+    activate_answer: services.Answer
 
     @property
     def sides(self) -> Mapping[str, AxisLayout]:
@@ -105,8 +105,8 @@ DEFINITIONS = table(
         name='interpolate',
         default=True,
     ),
-    *simulated_drivers.DEFINITIONS,
-    *simulated_services.DEFINITIONS,
+    *drivers.DEFINITIONS,
+    *services.DEFINITIONS,
     *COMMON_DEFINITIONS.values(),
 )
 
@@ -159,7 +159,7 @@ def settings_from(parameters: Mapping[str, Any]) -> Settings:
         faults += error.faults
     rate = good.get('switch_rate')
     layouts = {name: with_switch_rate(layout, rate) for name, layout in layouts.items()}
-    faults += simulated_drivers.contradictions(good, sides_of(layouts))
+    faults += drivers.contradictions(good, sides_of(layouts))
     if faults:
         raise InvalidParameters(faults)
     good['target_node'] = good['target_node'].rstrip('/')

@@ -13,8 +13,8 @@ from typing import Any
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from ..parameters.node_fields import SetpointInterface
-from ..plant.controller import (
+from ...parameters.node_fields import SetpointInterface
+from ...plant.controller import (
     NS,
     RECOMMENDED,
     ForwardController,
@@ -23,8 +23,8 @@ from ..plant.controller import (
     TrajectoryController,
     Values,
 )
-from .setpoints import dof_command
-from .simulated_settings import Settings
+from ..setpoints import dof_command
+from .settings import Settings
 
 #: The new command of a joint: its position, and its velocity if the controller tells it.
 Command = tuple[float, float | None]

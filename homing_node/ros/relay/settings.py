@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..parameters.axis import AxisParameters
-from ..parameters.configuration import bad_names, configuration
-from ..parameters.connections import TOPIC_NAME
-from ..parameters.definition import Definition, InvalidParameters, read, table
-from ..parameters.fields import FURTHEST, NamesDefinition
-from ..parameters.node_fields import NODE_DEFINITIONS
+from ...parameters.axis import AxisParameters
+from ...parameters.configuration import bad_names, configuration
+from ...parameters.connections import TOPIC_NAME
+from ...parameters.definition import Definition, InvalidParameters, read, table
+from ...parameters.fields import FURTHEST, NamesDefinition
+from ...parameters.node_fields import NODE_DEFINITIONS
 
 #: The parameter of an axis that is its home.
 HOME = Definition(

@@ -16,11 +16,11 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from ..relay.joint_states import JointStates
-from ..relay.known_home import Knowledge, KnownHome
-from . import graph
-from .polling import Polled, never_called, taker, waiting
-from .timebase import wake_precisely
+from ...relay.joint_states import JointStates
+from ...relay.known_home import Knowledge, KnownHome
+from .. import graph
+from ..polling import Polled, never_called, taker, waiting
+from ..timebase import wake_precisely
 
 #: How often the thread looks for a message, s.
 POLL = 0.0002

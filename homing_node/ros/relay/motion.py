@@ -17,11 +17,11 @@ from rclpy.node import Node
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectory
 
-from ..diagnosis.listeners import others
-from ..procedures.states import Error
-from ..relay.known_home import KnownHome
-from ..relay.trajectories import to_homed, to_raw
-from . import graph
+from ...diagnosis.listeners import others
+from ...procedures.states import Error
+from ...relay.known_home import KnownHome
+from ...relay.trajectories import to_homed, to_raw
+from .. import graph
 
 try:
     from control_msgs.action import FollowJointTrajectory

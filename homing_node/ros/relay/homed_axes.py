@@ -20,12 +20,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from ..procedures.states import Apply, Error, State
-from ..relay.known_home import KnownHome
-from . import graph, messages, process, relay_motion
-from .relay_joint_states import JointStateThread
-from .relay_motion import ControllerRelay
-from .relay_settings import HOME, home_of, settings_from
+from ...procedures.states import Apply, Error, State
+from ...relay.known_home import KnownHome
+from .. import graph, messages, process
+from .joint_states import JointStateThread
+from .motion import INSTALLED, ControllerRelay
+from .settings import HOME, home_of, settings_from
 
 #: How often the age of the feedback and the goals are looked at, and the graph, s.
 WATCH_PERIOD, GRAPH_PERIOD = 0.05, 1.0
@@ -89,7 +89,7 @@ class HomedAxes(Node):
             self.get_logger().warning(
                 'no axis has apply: relay or service; every motion is relayed as it is'
             )
-        if not relay_motion.INSTALLED:
+        if not INSTALLED:
             self.get_logger().warning(
                 'the package control_msgs is not installed: the topic joint_trajectory is '
                 'relayed, the action follow_joint_trajectory is not served'

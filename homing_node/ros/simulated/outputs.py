@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from std_msgs.msg import Bool, Float64
 
-from ..course import Happening
-from ..plant.drivers import SwitchDriver
+from ...course import Happening
+from ...plant.drivers import SwitchDriver
 
 
 class Sample(NamedTuple):

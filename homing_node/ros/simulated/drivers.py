@@ -16,9 +16,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-from ..parameters.definition import Definition
-from ..plant.drivers import SwitchDriver
-from ..plant.layout import SWITCH_RATE, AxisLayout
+from ...parameters.definition import Definition
+from ...plant.drivers import SwitchDriver
+from ...plant.layout import SWITCH_RATE, AxisLayout
 
 #: Parts of a second that are rounding, s.
 ROUNDING = 1e-9

@@ -12,7 +12,7 @@ What the spring between a follower of a gantry and its leader bears is told on
 ``~/<axis>/<follower>/racking_force`` (N), with each feedback sample.
 
 No executor spins this node, so `ros2 param` cannot ask it; its services, and the
-controller that can be switched, are nodes of a thread of their own (simulated_services.py).
+controller that can be switched, are nodes of a thread of their own (services.py).
 """
 
 import gc
@@ -37,17 +37,17 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64
 
-from ..plant.gantry import Plant, Side, plants
-from ..plant.layout import AxisLayout
-from ..procedures.states import Input
-from . import simulated_drivers
-from .graph import SETPOINT_TOPICS
-from .polling import Polled, Take, never_called, taker, waiting
-from .simulated_cell import Cell
-from .simulated_controller import controller_for
-from .simulated_outputs import Change, Lateness, Output, Sample
-from .simulated_services import Services
-from .simulated_settings import Settings, settings_from
+from ...plant.gantry import Plant, Side, plants
+from ...plant.layout import AxisLayout
+from ...procedures.states import Input
+from ..graph import SETPOINT_TOPICS
+from ..polling import Polled, Take, never_called, taker, waiting
+from . import drivers
+from .cell import Cell
+from .controller import controller_for
+from .outputs import Change, Lateness, Output, Sample
+from .services import Services
+from .settings import Settings, settings_from
 
 #: How long before something is due the thread wakes up and waits for the exact time, s.
 LEAD = 0.0001
@@ -93,11 +93,11 @@ class SimulatedAxes:
         self._silent = 0.0  # the feedback is silent up to this time, s
         self._joint_states = node.create_publisher(JointState, 'joint_states', RELIABLE)
         self._feedback = JointState(name=list(settings.joints))
-        self._driver = simulated_drivers.FeedbackDriver(
+        self._driver = drivers.FeedbackDriver(
             settings.feedback_read_rate, settings.header_clock_offset
         )
         self._second = (
-            simulated_drivers.SecondSource(
+            drivers.SecondSource(
                 node, settings.joints, settings.second_source, settings.second_source_position
             )
             if settings.second_source
@@ -152,7 +152,7 @@ class SimulatedAxes:
             publisher.publish(output.level)
             self._outputs[name, key] = output
             if key != SERVO and (layout.switch_rate or settings.switch_heartbeat):
-                output.driver = simulated_drivers.switch_driver(
+                output.driver = drivers.switch_driver(
                     f'{name}/{key}',
                     level,
                     layout.switch_rate or 0.0,

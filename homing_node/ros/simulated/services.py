@@ -20,9 +20,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from ..parameters.definition import Definition
-from ..procedures.states import TextEnum
-from .simulated_action import Goals
+from ...parameters.definition import Definition
+from ...procedures.states import TextEnum
+from .action import Goals
 
 try:
     from controller_manager_msgs.msg import ControllerState
