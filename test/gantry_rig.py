@@ -113,7 +113,9 @@ class Gantry:
         if stiffness:
             joined = {
                 f'y.y{n}': one._replace(
-                    stiffness=stiffness, square_at=side.zero, mirrored=side.mirror
+                    stiffness=stiffness,
+                    square_at=-side.zero if side.mirror else side.zero,
+                    mirrored=side.mirror,
                 )
                 for n, (one, side) in enumerate(zip(layouts[1:], sides[1:], strict=True), 2)
             }

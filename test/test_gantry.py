@@ -4,7 +4,7 @@
 from itertools import pairwise
 
 import pytest
-from core_rig import DIRECTIONS, HS, INDEX_TYPES, LIMIT_AHEAD, TRUE_HOME, TYPES, on_side
+from core_rig import DIRECTIONS, HS, INDEX_TYPES, LIMIT_AHEAD, TRUE_HOME, TYPES, on_side, rig
 from gantry_rig import PERIOD, Gantry, SideRig, bouncing
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -510,6 +510,45 @@ def test_square_or_a_named_error(
         assert outcome.message
         reversing = home_type in INDEX_TYPES or 'HS' not in home_type
         assert reversing or abs(skew) > 0.0015 or start > 0.05 or lag > 0.002, outcome.message
+
+
+OTHER = {1: 'Negative', -1: 'Positive'}
+
+
+@given(
+    home_type=st.sampled_from(['HSHS', 'HSOff', 'HSReverse', 'HSZPulse', 'HSTouchProbe', 'LS']),
+    direction=st.sampled_from(DIRECTIONS),
+    start=st.floats(0.02, 0.05),
+    followers=st.lists(
+        st.tuples(st.floats(-0.00195, 0.00195), st.floats(-0.001, 0.001), st.booleans()),
+        min_size=3,
+        max_size=3,
+    ),
+    stiffness=st.sampled_from([0.0, 1e5, 3e6]),
+)
+@settings(max_examples=12)
+def test_three_followers_some_mirrored(home_type, direction, start, followers, stiffness):
+    """Skewed by nearly max_skew, each with switches of its own place: square, or refused."""
+    sides = [SideRig()]
+    for n, (skew, offset, mirror) in enumerate(followers):
+        switches = [
+            on_side(str(name), -1) for name in rig(home_type).parameters(direction).switches
+        ]
+        own = {'home_direction': OTHER[direction], 'switches': switches} if mirror else {}
+        sides.append(SideRig(skew, offset, zero=0.1 * n, mirror=mirror, own=own))
+    gantry = Gantry(home_type, sides, direction, start, stiffness=stiffness)
+    forces = [0.0]
+    if stiffness:
+        gantry.on_cycle = lambda: forces.append(max(abs(one.force) for one in gantry.plants))
+    outcome = gantry.home()
+    assert gantry.worst <= 0.00195 + 1e-4
+    assert max(forces) <= stiffness * 0.0021
+    skews = [0.0, *(skew for skew, _, _ in followers)]
+    if outcome.error is Error.NoError:
+        homed(gantry, outcome)
+    else:  # two sides are further from each other than max_skew, so that nothing is forced
+        assert outcome.error in (Error.FollowerSwitchMissing, Error.SkewTooLarge), outcome.message
+        assert max(skews) - min(skews) > 0.0019
 
 
 def test_unsupported_types_have_no_gantry():
