@@ -39,6 +39,15 @@ def test_a_guarded_axis_stays_locked_when_its_coordinator_dies():
     assert reason(locks, 'y', 9.0) == ''
 
 
+def test_a_coordinator_that_has_ended_locks_no_axis_that_another_one_guards():
+    locks = Locks()
+    locks.take('1', '/second', {'x': '', 'y': 'cell1/z is not homed'}, 0.0)
+    locks.take('2', '/line', {'y': ''}, SILENT + 1.0)
+    assert reason(locks, 'y', SILENT + 1.0) == ''
+    assert reason(locks, 'x', SILENT + 1.0).startswith('axis x: /second, which knows')
+    assert '/second' in reason(locks, 'y', 9.0)  # both are silent
+
+
 def test_every_living_coordinator_must_agree():
     locks = Locks()
     locks.take('1', '/line', {'y': ''}, 0.0)

@@ -2,8 +2,8 @@
 """Locks that coordinators put on axes, because an axis requires others to be homed first.
 
 A coordinator repeats its locks. One that falls silent may have died, and nobody knows then whether
-what an axis requires is still homed: its locks stay shut until it, or one of its name, speaks
-again. No ROS, no clock.
+what an axis requires is still homed: the axes that it guarded stay locked until it, one of its
+name, or another coordinator that guards the axis speaks. No ROS, no clock.
 """
 
 from collections.abc import Mapping
@@ -50,11 +50,13 @@ class Locks:
 
     def refusal(self, axis: str, now: float) -> Outcome | None:
         """Return why an axis must not home now, None if nothing is said against it."""
-        living = {g.name for g in self._guards.values() if now - g.heard <= SILENT}
+        living = [guard for guard in self._guards.values() if now - guard.heard <= SILENT]
+        names = {guard.name for guard in living}  # one of them may have been restarted
+        guarded = any(axis in guard.reasons for guard in living)
         for guard in self._guards.values():
             silence = now - guard.heard
             reason = guard.reasons.get(axis)
-            if reason is None or (silence > SILENT and guard.name in living):  # it was restarted
+            if reason is None or (silence > SILENT and (guarded or guard.name in names)):
                 continue
             if silence > SILENT:
                 reason = (
@@ -63,7 +65,7 @@ class Locks:
                 )
             if reason:
                 return self._locked(axis, reason)
-        if self._coordinated and all(now - g.heard > SILENT for g in self._guards.values()):
+        if self._coordinated and not living:
             return self._locked(axis, 'no coordinator is heard (coordinated)')
         return None
 
