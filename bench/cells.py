@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A line of cells: what a cell and the coordinator need, at rest and while a line homes in steps.
 
-Each cell is a process with 32 axes at a low rate; this process plays the drives of all of them.
-Everything runs on this machine, which the figures describe.
+Each cell is a process with many axes at a low rate; this process plays the drives of all of them.
+Everything runs on this machine, which the figures describe; `of all that runs` says whether it
+had time left.
 """
 
 import os
@@ -29,10 +30,10 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-AXES, STEPS = 32, 8
-RATE, FEEDBACK = 20.0, 20.0  # Hz, of a node's cycle and of its feedback
-REST = 10.0  # s, that the line is measured at rest
-PATIENCE = 60.0  # s
+AXES, STEPS = int(os.environ.get('AXES', '32')), 4
+RATE, FEEDBACK = 10.0, 10.0  # Hz, of a node's cycle and of its feedback
+REST = 5.0  # s, that the line is measured at rest
+PATIENCE = 90.0  # s
 LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NAMES = [f'a{i}' for i in range(AXES)]
 #: An axis that moves without a switch: home is where it is, then it goes 5 mm further.
@@ -42,6 +43,7 @@ AXIS = {
     'homing_velocity_fast': 0.01,
     'home_shift_distance': 0.005,
     'feedback_timeout': 10.0,
+    'following_error': 0.05,  # the drives play at 10 Hz
     'switches': '[]',
 }
 #: This machine alone, over UDP (doc/decisions/0009-transport.md).
@@ -193,9 +195,15 @@ class Line:
         end = time.monotonic() + PATIENCE
         while not (found := condition()):
             self.spin()
+            self._see_that_all_live()
             if time.monotonic() > end:
                 raise TimeoutError(what)
         return found
+
+    def _see_that_all_live(self) -> None:
+        for process in (*self.nodes, self.coordinator):
+            if process.poll() is not None:
+                raise RuntimeError(f'{process.args[1]} has ended; its log is in {self.folder}')
 
     def until_ready(self) -> None:
         """Wait until a dry run finds nothing missing."""
@@ -226,23 +234,47 @@ class Part(NamedTuple):
 
     cell: float  # processor, % of a core
     coordinator: float
+    machine: float  # % of all cores, whoever used them
     ages: list[float]
     lasted: float
 
 
+def machine_busy() -> float:
+    """Return how long the cores of the machine have worked, added up, s."""
+    fields = Path('/proc/stat').read_text().splitlines()[0].split()[1:]
+    idle = int(fields[3]) + int(fields[4])
+    return (sum(map(int, fields)) - idle) / os.sysconf('SC_CLK_TCK')
+
+
 def measured(line: Line, work: Callable[[], Any]) -> Part:
     """Measure the processes while something is done."""
-    before = [usage(one).processor for one in (*line.nodes, line.coordinator)]
+
+    def used() -> list[float]:
+        processes = [usage(one).processor for one in (*line.nodes, line.coordinator)]
+        return [*processes, machine_busy() / (os.cpu_count() or 1)]
+
+    before = used()
     begun, since = time.monotonic(), time.time()
     work()
     lasted = time.monotonic() - begun
-    after = [usage(one).processor for one in (*line.nodes, line.coordinator)]
-    *cells, coordinator = [100.0 * (b - a) / lasted for a, b in zip(before, after, strict=True)]
-    return Part(sum(cells) / len(cells), coordinator, line.ages(since), lasted)
+    shares = [100.0 * (b - a) / lasted for a, b in zip(before, used(), strict=True)]
+    *cells, coordinator, machine = shares
+    return Part(sum(cells) / len(cells), coordinator, machine, line.ages(since), lasted)
 
 
-def case(cells: int, rest: float) -> Iterator[Figure]:
-    """Yield the figures of a line with a number of cells."""
+class Case(NamedTuple):
+    """What was measured of a line: times in s, memory in MB."""
+
+    cells: int
+    started: float
+    rest: Part
+    homing: Part
+    memory: float  # of a cell
+    own_memory: float  # of the coordinator
+
+
+def case(cells: int, rest: float) -> Case:
+    """Measure a line with a number of cells."""
     line = Line(cells)
     try:
         begun = time.monotonic()
@@ -256,18 +288,39 @@ def case(cells: int, rest: float) -> Iterator[Figure]:
         own = usage(line.coordinator).memory
     finally:
         line.close()
-    what = f'{cells} cells × {AXES} axes'
-    yield Figure(f'{what}: until every cell answers', 's', [started])
-    yield Figure(f'{what}: {STEPS} steps of {cells} axes', 's', [homing.lasted])
-    for name, part in (('at rest', at_rest), ('homing', homing)):
+    return Case(cells, started, at_rest, homing, sum(memory) / cells, own)
+
+
+def of_case(one: Case) -> Iterator[Figure]:
+    """Yield the figures of a line."""
+    what = f'{one.cells} cells × {AXES} axes'
+    yield Figure(f'{what}: until every cell answers', 's', [one.started])
+    yield Figure(f'{what}: {STEPS} steps of {one.cells} axes', 's', [one.homing.lasted])
+    for name, part in (('at rest', one.rest), ('homing', one.homing)):
         yield Figure(f'{what}, {name}: processor of a cell', '% of a core', [part.cell])
         yield Figure(f'{what}, {name}: of the coordinator', '% of a core', [part.coordinator])
-        old = 1000.0 * nth(part.ages, 0.99)
+        yield Figure(f'{what}, {name}: of all that runs', '% of all cores', [part.machine])
+        ages = [1000.0 * age for age in part.ages]
+        middle, old = nth(ages, 0.5), nth(ages, 0.99)
+        yield Figure(f'{what}, {name}: age of a state, median', 'ms', [middle])
         yield Figure(
             f'{what}, {name}: age of a state, 99 of 100', 'ms', [old], (), '≤ 200', old <= 200.0
         )
-    yield Figure(f'{what}: memory of a cell', 'MB', [sum(memory) / cells])
-    yield Figure(f'{what}: memory of the coordinator', 'MB', [own])
+    yield Figure(f'{what}: memory of a cell', 'MB', [one.memory])
+    yield Figure(f'{what}: memory of the coordinator', 'MB', [one.own_memory])
+
+
+def growth(few: Case, many: Case) -> Iterator[Figure]:
+    """Yield what the coordinator needs more for each further cell."""
+    further = many.cells - few.cells
+    what = f'the coordinator, for each cell more ({few.cells} to {many.cells})'
+    for name, before, after in (
+        ('at rest', few.rest, many.rest),
+        ('homing', few.homing, many.homing),
+    ):
+        more = (after.coordinator - before.coordinator) / further
+        yield Figure(f'{what}, {name}: processor', '% of a core', [more])
+    yield Figure(f'{what}: memory', 'MB', [(many.own_memory - few.own_memory) / further])
 
 
 def check(result: Home.Result) -> None:
@@ -277,7 +330,11 @@ def check(result: Home.Result) -> None:
 
 
 def figures(quick: bool = False) -> Iterator[Figure]:
-    """Yield the figures of 4, 8 and 16 cells; `CELLS=4,8` chooses others."""
+    """Yield the figures of 4, 8 and 16 cells; `CELLS=4,8` and `AXES=8` choose others."""
     chosen = os.environ.get('CELLS', '2' if quick else '4,8,16')
+    cases = []
     for cells in map(int, chosen.split(',')):
-        yield from case(cells, 2.0 if quick else REST)
+        cases.append(case(cells, 2.0 if quick else REST))
+        yield from of_case(cases[-1])
+    if len(cases) > 1:
+        yield from growth(cases[0], cases[-1])
