@@ -26,9 +26,11 @@ parameters, or where a part of the node broke.
     'homing_coordinator': (
         'homing_node.ros.coordinator',
         """\
-usage: homing_coordinator --ros-args --params-file cells.yaml [further ROS arguments]
+usage: homing_coordinator --ros-args --params-file line.yaml [further ROS arguments]
 
-Homes several machines together: it asks their homing nodes, in the order of their prerequisites.
+Homes the axes of several homing nodes in steps, and locks those whose prerequisites are not homed.
+
+  ros2 launch homing_node line.launch.py
 """,
     ),
     'homed_axes': (

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from homing_node.coordination.cells import Seen
 from homing_node.coordination.coordinator import Coordinator
+from homing_node.coordination.health import Level, health
 from homing_node.coordination.request import Request
 from homing_node.coordination.turn import Checked
 from homing_node.coordination.turn_table import TABLE, UNDER_WAY, Asks, Event, Phase
@@ -643,6 +644,74 @@ def test_a_coordinator_that_ends_stops_what_it_homes():
     rig.run(TICK)
     assert rig.core.idle
     assert set(errors(request).values()) == {'Canceled'}
+
+
+# -- what it says of itself -----------------------------------------------------------------------
+
+
+def said(rig, **foreign):
+    return {one.name: one for one in health(rig.core, foreign, rig.now)}
+
+
+def test_the_health_of_a_line():
+    rig = Rig(auto=False)
+    entry = said(rig)['cell2']
+    assert (entry.level, entry.text) == (Level.warn, 'not homed: cell2/y, cell2/z')
+    assert entry.values['locked'] == 'cell2/y: cell1/z is not homed'
+    assert said(rig)['line'].text == 'nothing homes'
+    rig.home()
+    rig.accept('cell1/z', 'cell2/z')
+    rig.run(0.1)
+    found = said(rig)
+    assert found['line'].text == 'homing cell1/z, cell2/z'
+    assert found['line'].values['waiting'] == 'cell1/x, cell2/y'
+    assert found['cell1'].text == 'not homed: cell1/x'
+    assert found['cell1'].values['moving'] == 'cell1/z'
+    rig.end('cell1/z')
+    rig.core.state('cell2/y', Seen(False, True, 'LSTriggered', stamp=rig.now), rig.now)
+    found = said(rig)
+    assert found['cell1'].values['homed'] == 'cell1/z'
+    assert found['cell2'].text == 'not homed: cell2/y (LSTriggered)'
+    homed = Rig(homed=['cell1/x', 'cell1/z'])
+    assert (said(homed)['cell1'].level, said(homed)['cell1'].text) == (Level.ok, 'homed')
+
+
+def test_the_health_of_a_cell_that_is_lost_or_another_one():
+    rig = Rig(homed=['cell1/x', 'cell1/z'], silent=['cell2'])
+    never = said(rig)['cell2']
+    assert never.level is Level.error
+    assert never.text == 'CellLost: /cell2/homing_node was never heard'
+    assert never.values['heard'] == 'never'
+    rig.silent.add('cell1')
+    rig.run(5.0)
+    lost = said(rig)['cell1']
+    assert (lost.level, lost.text) == (Level.error, 'CellLost: /cell1/homing_node is silent')
+    assert lost.values['heard'] == '5.0 s ago'
+    rig.silent.clear()
+    rig.core.restarted('cell1', rig.now)
+    rig.run(TICK)
+    assert said(rig)['cell1'].text == 'it has not said yet which axes it has'
+    rig.core.axes('cell1', ['cell1/x'])
+    other = said(rig)['cell1']
+    assert other.level is Level.error
+    assert other.text.startswith('UnknownAxis: cell1/z, which `steps` or `requires` name')
+    foreign = said(rig, cell1='it publishes other fields')['cell1']
+    assert (foreign.level, foreign.text) == (Level.error, 'it publishes other fields')
+    rig.core.claims.take('1234', '/other', rig.now)
+    assert said(rig)['line'].text == ('CoordinatorConflict: /other guards cells of this line, too')
+
+
+def test_a_cell_that_comes_back_with_other_axes():
+    rig = Rig(homed=['cell1/x', 'cell1/z'])
+    rig.silent.add('cell1')
+    rig.run(5.0)
+    rig.core.axes('cell1', ['cell1/w', 'cell1/x'])  # it was asked again, for it was lost
+    assert rig.home('cell1/z').error is Error.UnknownAxis
+    assert rig.home().error is Error.UnknownAxis
+    assert rig.core.cells['cell1'].seen.keys() == {'cell1/x'}
+    assert rig.core.locks('cell2', rig.now) == {
+        'cell2/y': 'cell cell1 is silent, so whether cell1/z is homed is not known'
+    }
 
 
 # -- a dry run ------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ import cable
 import pytest
 import ros_harness as ros
 import yaml
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from lifecycle_msgs.msg import State, Transition
@@ -42,6 +42,7 @@ PATIENT = {'feedback_timeout': 5.0, 'following_error': 0.04}
 #: Slow enough that a test can act while an axis moves.
 SLOW = {**PATIENT, 'homing_reverse_distance': 0.02}
 
+ERROR = DiagnosticStatus.ERROR
 #: The state after each transition.
 AFTER = {
     Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
@@ -75,8 +76,8 @@ class Line:
         self.processes.append(process)
         return process
 
-    def start(self, cell):
-        axes = {axis: SLOW if axis == 'z' else PATIENT for axis in AXES[cell]}
+    def start(self, cell, names=()):
+        axes = {axis: SLOW if axis == 'z' else PATIENT for axis in names or AXES[cell]}
         parameters = ros.node_parameters(
             axes,
             update_rate=100.0,
@@ -129,9 +130,36 @@ class Line:
     def state(self, axis):
         return self.states[axis][-1].message if self.states[axis] else AxisState()
 
-    def until_moving(self, *axes):
+    def restart_coordinator(self):
+        """Start it again; it finds what is homed."""
+        self.coordinator = self.run('homing_coordinator', LINE)
+        answer = self.insist(Trigger, 'home')
+        assert answer.success, answer.message
+
+    def until_said(self, name, text):
+        """Wait until the diagnostics say that a cell, or the line, is in trouble."""
+        full = f'/homing_coordinator: {name}'
+        heard = self.client.record(DiagnosticArray, '/diagnostics')
+        self.client.until(
+            lambda: any(
+                one.name == full and one.message.startswith(text) and one.level == ERROR
+                for array in heard
+                for one in array.message.status
+            ),
+            what=text,
+        )
+        self.client.forget(heard)
+
+    def until_moving(self, *axes, handle=None):
+        """Wait until axes move, which a goal homes."""
+        ended = handle and handle.get_result_async()
         still = ('', 'Idle')  # '': nothing is heard yet
-        self.client.until(lambda: all(self.state(axis).state not in still for axis in axes), 40.0)
+
+        def moving():
+            assert not (ended and ended.done()), ended.result().result.message
+            return all(self.state(axis).state not in still for axis in axes)
+
+        self.client.until(moving, 40.0)
 
 
 @pytest.fixture(scope='module')
@@ -175,21 +203,27 @@ def test_a_line_homes_in_steps_and_a_node_knows_its_lock(of):
     assert answer.success, answer.message
 
 
-def test_names_that_nothing_has_and_a_second_coordinator(of):
+def test_names_that_nothing_has(of):
     assert of.home('cell3/x').error_code == AxisState.UNKNOWN_CELL
     assert of.home('cell1/q').error_code == AxisState.UNKNOWN_AXIS
-    topic = f'{NODES["cell1"]}/locks'
-    claim = of.client.node.create_publisher(DiagnosticStatus, topic, ros.LATCHED)
-    of.client.until(lambda: claim.get_subscription_count() == 2)
-    claim.publish(DiagnosticStatus(name='/other', hardware_id='other'))
-    of.client.until(lambda: of.home('cell1/x').error_code == AxisState.COORDINATOR_CONFLICT)
-    of.client.node.destroy_publisher(claim)
-    of.client.until(lambda: of.home('cell1/x').error_code == AxisState.NO_ERROR)
+
+
+def test_two_coordinators_refuse_until_one_has_ended_and_what_is_on_ends(of):
+    handle = of.send('cell1/z', force=True)
+    of.until_moving('cell1/z', handle=handle)
+    second = of.run('homing_coordinator', LINE, '-r', '__node:=second')
+    assert of.result(handle).success
+    answer = of.insist(Trigger, '/second/cell1/x/home')
+    assert answer.message.startswith('CoordinatorConflict: /homing_coordinator guards cells')
+    assert of.home('cell1/x').error_code == AxisState.COORDINATOR_CONFLICT
+    of.until_said('line', 'CoordinatorConflict: /second guards cells of this line, too')
+    assert second.close() == 0
+    of.client.until(lambda: of.home('cell1/x').success)
 
 
 def test_a_canceled_request_answers_when_every_axis_rests(of):
     handle = of.send(force=True)
-    of.until_moving('cell1/z', 'cell2/z')
+    of.until_moving('cell1/z', 'cell2/z', handle=handle)
     answer = of.client.trigger('cancel')
     assert answer.success, answer.message
     result = of.result(handle)
@@ -253,17 +287,29 @@ def test_ctrl_c_of_homing_home_waits_until_the_line_rests(of):
 
 def test_a_killed_coordinator_starts_nothing_more_and_its_locks_stay(of):
     assert of.home().success
-    of.send(force=True)
-    of.until_moving('cell1/z', 'cell2/z')
+    handle = of.send(force=True)
+    of.until_moving('cell1/z', 'cell2/z', handle=handle)
     of.coordinator.process.kill()
     own = of.client.record(AxisState, f'{NODES["cell1"]}/z/state', ros.LATCHED)
     other = of.client.record(AxisState, f'{NODES["cell1"]}/x/state', ros.LATCHED)
     of.client.until(lambda: own and own[-1].message.homed, 40.0)  # its run ends well
     of.client.until(lambda: 'has been silent' in of.at_node('cell2', 'y/home').message)
     assert {heard.message.state for heard in other} == {'Idle'}
-    of.coordinator = of.run('homing_coordinator', LINE)
-    answer = of.insist(Trigger, 'home')
-    assert answer.success, answer.message
+    of.restart_coordinator()
+
+
+def test_a_coordinator_that_is_killed_in_the_last_step_leaves_its_runs_to_the_nodes(of):
+    """An axis that it guards ends its run; then it is locked."""
+    assert of.home().success
+    handle = of.send('cell2/y', force=True)
+    of.until_moving('cell2/y', handle=handle)
+    of.coordinator.process.kill()
+    own = of.client.record(AxisState, f'{NODES["cell2"]}/y/state', ros.LATCHED)
+    of.client.until(lambda: own and own[-1].message.state == 'Idle', 40.0)
+    assert own[-1].message.homed, own[-1].message
+    of.client.until(lambda: 'has been silent' in of.at_node('cell2', 'y/home').message)
+    assert of.at_node('cell1', 'x/home').success  # nothing guards it
+    of.restart_coordinator()
 
 
 def test_a_managed_node_stops_when_it_is_deactivated_and_forgets_when_cleaned(of):
@@ -281,10 +327,58 @@ def test_a_managed_node_stops_when_it_is_deactivated_and_forgets_when_cleaned(of
     of.activate('cell2')
 
 
+def test_a_cancel_that_crosses_the_result(of):
+    own = of.client.record(AxisState, f'{NODES["cell1"]}/x/state', ros.LATCHED)
+    handle = of.send('cell1/x', force=True)
+    of.client.until(lambda: own and own[-1].message.state not in ('Idle', 'HSSearch'))
+    of.client.until(lambda: own[-1].message.state == 'Idle')
+    canceled = handle.cancel_goal_async()
+    result = of.result(handle)
+    of.client.until(canceled.done)
+    (state,) = result.states
+    assert state.state == 'Idle'
+    assert state.homed  # its run had ended before
+    assert result.error_code == AxisState.NO_ERROR, result.message
+
+
+def test_a_cell_that_restarts_between_steps_has_lost_its_home(of):
+    assert of.home().success
+    handle = of.send('cell2/z', force=True)
+    of.until_moving('cell2/z', handle=handle)
+    assert of.client.trigger('cancel').success
+    assert of.result(handle).error_code == AxisState.CANCELED
+    before = len(of.states['cell2/y'])
+    handle = of.send('cell2/z', 'cell2/y', force=True)  # cell1/z, which y requires, is homed
+    of.until_moving('cell2/z', handle=handle)
+    of.nodes['cell1'].process.kill()
+    of.nodes['cell1'] = of.start('cell1')
+    result = of.result(handle)
+    assert result.error_code in (AxisState.PREREQUISITE_MISSING, AxisState.CELL_LOST)
+    assert re.search('cell2/y.*cell1', result.message), result.message
+    assert {heard.message.state for heard in of.states['cell2/y'][before:]} <= {'Idle'}
+    of.client.until(lambda: 'cell1/z is not homed' in of.at_node('cell2', 'y/home').message)
+    of.client.until(lambda: (again := of.home()).success or 'cell1' not in again.message, 60.0)
+
+
+def test_a_result_that_is_lost_since_its_node_dies(of):
+    own = of.client.record(AxisState, f'{NODES["cell1"]}/x/state', ros.LATCHED)
+    handle = of.send('cell1/x', 'cell2/y', force=True)
+    of.client.until(lambda: own and own[-1].message.state not in ('Idle', 'HSSearch'))
+    of.nodes['cell1'].process.send_signal(signal.SIGSTOP)  # it says nothing more
+    of.nodes['cell1'].process.kill()
+    result = of.result(handle)
+    assert result.error_code == AxisState.CELL_LOST, result.message
+    assert 'cell1/x' in result.message
+    assert not of.state('cell1/x').homed
+    assert of.state('cell2/y').state == 'Idle'
+    of.nodes['cell1'] = of.start('cell1')
+    of.client.until(lambda: (again := of.home()).success or 'cell1' not in again.message, 60.0)
+
+
 def test_a_killed_cell_is_lost_and_the_others_rest(a_line):
-    """The last test of the line: the second cell stays away."""
+    """After it the second cell stays away."""
     handle = a_line.send(force=True)
-    a_line.until_moving('cell1/z', 'cell2/z')
+    a_line.until_moving('cell1/z', 'cell2/z', handle=handle)
     before = len(a_line.states['cell1/x'])
     a_line.nodes['cell2'].process.kill()
     result = a_line.result(handle)
@@ -293,6 +387,24 @@ def test_a_killed_cell_is_lost_and_the_others_rest(a_line):
     assert {heard.message.state for heard in a_line.states['cell1/x'][before:]} <= {'Idle'}
     stopped = a_line.client.trigger('cancel', 40.0)
     assert stopped.message.startswith('CellLost: no answer of cell2')
+    a_line.client.until(lambda: a_line.state('cell2/y').error == 'CellLost')
+    assert not a_line.state('cell2/y').homed
+    a_line.until_said('cell2', 'CellLost: /cell2/homing_node is silent')
+
+
+def test_a_cell_that_restarts_with_other_axes(a_line):
+    """The last test of the line: the first cell stays another one."""
+    assert a_line.home('cell1/x').success
+    a_line.nodes['cell1'].process.kill()
+    a_line.nodes['cell1'] = a_line.start('cell1', ['w'])
+    gone = a_line.client.until(
+        lambda: (said := a_line.home('cell1/z')).error_code != AxisState.CELL_LOST and said, 60.0
+    )
+    assert gone.error_code == AxisState.UNKNOWN_AXIS, gone.message
+    a_line.client.until(lambda: a_line.home('cell1/w', dry_run=True).states)
+    a_line.client.until(lambda: a_line.state('cell1/x').error == 'UnknownAxis')
+    assert not a_line.state('cell1/x').homed
+    a_line.until_said('cell1', 'UnknownAxis: cell1/z, cell1/x, which `steps` or `requires` name')
 
 
 def test_a_bad_line_ends_with_every_fault(tmp_path):

@@ -14,7 +14,13 @@ from rclpy.action import (
 
 from homing_node.procedures.states import Input
 
-NODES = ('homing_node', 'homed_axes', 'simulated_axes')
+NODES = (
+    'homing_node',
+    'homing_coordinator',
+    '_homing_coordinator_axes',
+    'homed_axes',
+    'simulated_axes',
+)
 POLICY = Path(__file__).resolve().parent.parent / 'config' / 'sros2_policy.xml'
 #: Names that no process of this test has: the time is real, the interface is `trajectory`.
 ELSEWHERE = {
@@ -22,6 +28,16 @@ ELSEWHERE = {
     '/homing_node/position_commands',
     '/homing_node/dof_commands',
     '/homing_node/*/deadman',  # in a jog with a deadman
+    # of a managed node
+    '/homing_node/change_state',
+    '/homing_node/get_state',
+    '/homing_node/get_available_states',
+    '/homing_node/get_available_transitions',
+    '/homing_node/get_transition_graph',
+    '/homing_node/transition_event',
+    # of a coordinator that was asked to cancel
+    '/*/homing_node/cancel',
+    '/*/homing_node/*/cancel',
     # of a controller and its manager, which are not here
     '/*/get_parameters',
     '/*/list_parameters',
@@ -67,7 +83,7 @@ def used(graph, node):
 
 @pytest.fixture(scope='module')
 def seen(tmp_path_factory):
-    """Run a node with an axis that has every input and a gantry, their plant, and the relay."""
+    """Run a node with an axis and a gantry, their plant, the relay, and a coordinator."""
     inputs = {
         'x': {
             'switches': [str(i) for i in Input],
@@ -87,6 +103,8 @@ def seen(tmp_path_factory):
         graph = world.client.node
         relay = {'axes': ['x'], 'x': parameters['x'], 'controllers': ['/controller']}
         world.run('homed_axes', relay)
+        line = {'nodes': ['/cell1/homing_node'], 'steps': ['cell1/x']}
+        world.run('homing_coordinator', line)
 
         def complete():
             if not set(NODES) <= set(graph.get_node_names()):
@@ -100,6 +118,8 @@ def seen(tmp_path_factory):
                 and '/simulated_axes/transition_event' in node['topics', 'subscribe']
                 and '/homing_node/setpoints' in axes['topics', 'subscribe']
                 and found['homed_axes']['actions', 'call']
+                and found['homing_coordinator']['actions', 'call']
+                and found['_homing_coordinator_axes']['services', 'reply']
                 and found
             )
 

@@ -90,7 +90,7 @@ def _find(watcher: Any, arguments: argparse.Namespace) -> None:
             known = all(
                 one.source != '-' for axis in board.axes.values() for one in axis.inputs.values()
             )
-            # A coordinator has no diagnostics, and an axis may be found after another.
+            # A coordinator knows no inputs, and an axis may be found after another.
             if now - complete > (0.3 if known else 1.5):
                 return
         if now > until:

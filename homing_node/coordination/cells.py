@@ -74,6 +74,16 @@ class Cell:
         self.owing.clear()
         self.axes = None
 
+    def has(self, axes: Sequence[str]) -> None:
+        """Take which axes the cell has; what was seen of others is forgotten."""
+        self.axes = tuple(axes)
+        self.seen = {axis: seen for axis, seen in self.seen.items() if axis in self.axes}
+
+    @property
+    def ever_heard(self) -> bool:
+        """Whether the cell was heard once."""
+        return self.heard > -math.inf
+
     def silent(self, now: float) -> bool:
         """Return whether the cell is silent for too long, or was never heard."""
         silence = now - self.heard
@@ -84,7 +94,7 @@ class Cell:
 
     def lost(self, now: float) -> bool:
         """Return whether the cell was heard once, and is silent now."""
-        return self.heard > -math.inf and self.silent(now)
+        return self.ever_heard and self.silent(now)
 
     def knows(self, axis: str) -> bool:
         """Return whether the cell may have an axis; True while it has not said what it has."""

@@ -36,6 +36,7 @@ class Coordinator:
     Attributes:
         line: the parameters.
         cells: the cells, by name.
+        requests: those that have not ended.
         claims: what other coordinators claim.
         closed: whether it ends, so that every request is refused.
     """
@@ -44,7 +45,7 @@ class Coordinator:
         self.line = line
         self.cells = Cells(line)
         self.closed = False
-        self._requests: list[Request] = []
+        self.requests: list[Request] = []
         self._previews: list[Preview] = []
         self._turns: dict[int, tuple[Request, Turn]] = {}  # by the number of a goal or a check
         self._strays = StrayGoals()
@@ -69,7 +70,7 @@ class Coordinator:
             return refusal
         force = force or not self.line.skip_homed
         request = Request(self.cells.ordered(names), owner, self.line.on_failure, force)
-        self._requests.append(request)
+        self.requests.append(request)
         self._advance(now)
         return request
 
@@ -88,7 +89,7 @@ class Coordinator:
         """Stop axes, and refuse those that wait; return the turns that must end."""
         names = set(names)
         stopped = []
-        for request in self._requests:
+        for request in self.requests:
             for turn in request.to_cancel(names):
                 stopped.append(turn)
                 self._handle(request, turn, Event.Cancel, now, text=reason)
@@ -98,12 +99,12 @@ class Coordinator:
     def close(self, now: float) -> None:
         """Stop everything, and refuse what comes."""
         self.closed = True
-        self.cancel([name for one in self._requests for name in one.names], 'shutting down', now)
+        self.cancel([name for one in self.requests for name in one.names], 'shutting down', now)
 
     @property
     def idle(self) -> bool:
         """Whether no request is open."""
-        return not self._requests and not self._previews
+        return not self.requests and not self._previews
 
     def take_asks(self) -> list[Ask]:
         """Return what is to be asked of the cells, each once."""
@@ -120,19 +121,19 @@ class Coordinator:
         """Take the state of an axis."""
         self.cells[cell_of(axis)].take(axis, seen, now)
         if not seen.idle:
-            for request in self._requests:
+            for request in self.requests:
                 turn = request.turn_of.get(axis)
                 if turn is not None:
                     turn.active = now
 
     def axes(self, cell: str, axes: Sequence[str]) -> None:
         """Take which axes a cell has, by their names in the line."""
-        self.cells[cell].axes = tuple(axes)
+        self.cells[cell].has(axes)
 
     def restarted(self, cell: str, now: float) -> None:
         """Take that the node of a cell has restarted: its goals and homes are gone."""
         self.cells[cell].restart()
-        for request in self._requests:
+        for request in self.requests:
             for turn in request.turns:
                 if turn.cell == cell:
                     self._handle(request, turn, Event.Restarted, now)
@@ -199,7 +200,7 @@ class Coordinator:
             for cell in self.cells.values():
                 cell.heard += gap
         silent = {name for name, cell in self.cells.items() if cell.lost(now)}
-        for request in self._requests:
+        for request in self.requests:
             for turn in request.turns:
                 if not turn.ended:
                     self._watch(request, turn, silent, now)
@@ -225,7 +226,7 @@ class Coordinator:
         if other:
             text = f'{other} guards cells of this line, too; end one of the coordinators'
             return Outcome(Error.CoordinatorConflict, text)
-        for request in self._requests:
+        for request in self.requests:
             busy = [name for name in names if name in request.turn_of]
             if busy and not request.done:
                 return Outcome(Error.Busy, f'{request.owner} is homing {", ".join(busy)}')
@@ -334,7 +335,7 @@ class Coordinator:
         again = True
         while again:
             again = False
-            for request in self._requests:
+            for request in self.requests:
                 for turn, reason in request.to_stop():
                     self._handle(request, turn, Event.Cancel, now, text=reason)
                     again = True
@@ -361,7 +362,7 @@ class Coordinator:
     @property
     def _homing(self) -> list[str]:
         """The axes that have their turn now."""
-        turns = [turn for request in self._requests for turn in request.turns]
+        turns = [turn for request in self.requests for turn in request.turns]
         return [turn.axis for turn in turns if turn.phase in BUSY]
 
     @property
@@ -383,7 +384,7 @@ class Coordinator:
 
     def _ended(self) -> list[Request | Preview]:
         """Return the requests that have ended, and keep of them only which goals they sent."""
-        ended: list[Request | Preview] = [one for one in self._requests if one.done]
+        ended: list[Request | Preview] = [one for one in self.requests if one.done]
         if ended:
             past: dict[int, str] = {}
             for number, (request, turn) in list(self._turns.items()):
@@ -392,6 +393,6 @@ class Coordinator:
                     past[number] = turn.axis
             self._strays.remember(past)
         ended += [one for one in self._previews if one.done]
-        self._requests = [one for one in self._requests if not one.done]
+        self.requests = [one for one in self.requests if not one.done]
         self._previews = [one for one in self._previews if not one.done]
         return ended

@@ -91,6 +91,14 @@ class Line(NamedTuple):
     skip_homed: bool = True
     cell_timeout: float = 1.0
 
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes that `steps` and `requires` name, each once."""
+        named = [axis for step in self.steps for axis in step]
+        for axis, needed in self.requires.items():
+            named += [axis, *needed]
+        return tuple(dict.fromkeys(named))
+
 
 def cell_of(axis: str) -> str:
     """Return the cell of an axis of the line."""

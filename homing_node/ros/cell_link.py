@@ -30,12 +30,15 @@ from ..coordination.turn_table import Asks
 from ..core.outcome import Outcome
 from ..procedures.states import Error
 from . import cell_messages
+from .adapting import mismatch
 from .locks import LATCHED
 from .polling import Take, taker, waiting
 from .subscriptions import Subscriptions, qos
 
-#: How often a node is asked for its axes until it answers, s.
-AXES_PERIOD = 1.0
+#: How often it is looked whether a node has our messages, and whether it must be asked for its
+#: axes, s.
+LOOK_PERIOD = 1.0
+STATE_TYPE = 'homing_interfaces/msg/AxisState'
 #: A check waits so long for the node to be there, s.
 HELD = 5.0
 #: So many goals that were given up are remembered, so that a late acceptance is noticed.
@@ -46,6 +49,7 @@ class CellLink:
     """Talks with the homing node of one cell.
 
     ``progress`` is how far each axis has come in its search, and the bound of it, m or rad.
+    ``foreign`` is why the messages of the node cannot be relied on, '' if they can.
     """
 
     def __init__(
@@ -57,6 +61,7 @@ class CellLink:
         identity: str,
         new_axis: Callable[[str], None],
         on_state: Callable[[str, AxisState], None],
+        on_unknown: Callable[[str, Outcome], None],
         on_event: Callable[[], None],
     ) -> None:
         """Make the clients.
@@ -69,11 +74,12 @@ class CellLink:
             identity: What tells this process from other coordinators.
             new_axis: Called with each axis that the cell turns out to have.
             on_state: Called with each state of an axis, and with the axis's name in the line.
+            on_unknown: Called with an axis of which nothing is known any more, and why.
             on_event: Called after each event.
         """
         self._node, self._core, self._cell, self._identity = node, core, cell, identity
         self._subscriptions, self._new_axis = subscriptions, new_axis
-        self._on_state, self._on_event = on_state, on_event
+        self._on_state, self._on_unknown, self._on_event = on_state, on_unknown, on_event
         self.target = core.cells[cell].node
         self._client = ActionClient(node, Home, f'{self.target}/home')
         self._cancel = node.create_client(CancelGoal, f'{self.target}/home/_action/cancel_goal')
@@ -84,13 +90,15 @@ class CellLink:
             DiagnosticStatus, f'{self.target}/locks', qos(latched=True, depth=10), False
         )
         self._claims = taker(claims, False)
-        self._states: dict[str, Take] = {}
+        self._states: dict[str, tuple[Any, Take]] = {}
         self._sequence: dict[str, int] = {}  # of the newest state of each axis
         self.progress: dict[str, tuple[float, float]] = {}
         self._ids: dict[int, UUID] = {}
         self._handles: dict[int, Any] = {}
         self._held: list[tuple[Ask, float]] = []
-        self._asked_axes = -math.inf
+        self._looked = -math.inf
+        self._lost = False
+        self.foreign = ''
         self._said: tuple[float, Mapping[str, str]] = (-math.inf, {})
 
     def watch(self, axis: str) -> None:
@@ -100,21 +108,24 @@ class CellLink:
             made = self._subscriptions.subscribe(
                 AxisState, topic, qos(latched=True, depth=20), False
             )
-            self._states[axis] = taker(made, True)
+            self._states[axis] = made, taker(made, True)
 
     # ------------------------------------------------------------------------------ the rhythm
 
     def poll(self, now: float) -> None:
         """Take what has arrived, and send what had to wait."""
-        for axis, take in self._states.items():
+        if now - self._looked > LOOK_PERIOD:
+            self._looked = now
+            self._look(now)
+        for axis, (_, take) in self._states.items():
             for data, info in waiting(take):
-                state = deserialize_message(data, AxisState)
-                self._take_state(axis, state, int(info['publication_sequence_number']), now)
+                if not self.foreign:
+                    state = deserialize_message(data, AxisState)
+                    self._take_state(axis, state, int(info['publication_sequence_number']), now)
         for claim, _ in waiting(self._claims):
             if claim.hardware_id != self._identity:
                 self._core.claims.take(claim.hardware_id, claim.name, now)
-        if self._core.cells[self._cell].axes is None and now - self._asked_axes > AXES_PERIOD:
-            self._ask_axes(now)
+        self._watch_loss(now)
         held, self._held = self._held, []
         for ask, until in held:
             if now < until:
@@ -168,11 +179,32 @@ class CellLink:
         self._core.state(axis, cell_messages.seen(state), now)
         self._on_state(axis, state)
 
-    def _ask_axes(self, now: float) -> None:
-        if not self._parameters.service_is_ready():
-            return
-        self._asked_axes = now
+    def _watch_loss(self, now: float) -> None:
+        """Say once that nothing is known of the axes of a cell that is lost."""
+        lost = self._core.cells[self._cell].lost(now)
+        if lost and not self._lost:
+            text = f'{self.target} is silent; what the axis does is not known'
+            for axis in self._states:
+                self._on_unknown(axis, Outcome(Error.CellLost, text))
+        self._lost = lost
 
+    def _look(self, now: float) -> None:
+        """See whether the node has our messages; ask for its axes if they may have changed."""
+        self.foreign = self._other_messages()
+        cell = self._core.cells[self._cell]
+        if (cell.axes is None or cell.lost(now)) and self._parameters.service_is_ready():
+            self._ask_axes()
+
+    def _other_messages(self) -> str:
+        """Return how the node's states differ from ours; all its axes have the same type."""
+        axes = self._core.cells[self._cell].axes or tuple(self._states)
+        made, _ = self._states.get(axes[0], (None, None)) if axes else (None, None)
+        if made is None:
+            return ''
+        own = self._subscriptions.asked(made.topic_name, STATE_TYPE)
+        return '' if own is None else mismatch(self._subscriptions.offers(made.topic_name), own)
+
+    def _ask_axes(self) -> None:
         def take(future: Any) -> None:
             answer = future.result()
             if answer is not None and answer.values:
@@ -183,12 +215,16 @@ class CellLink:
                 self._core.axes(self._cell, names)
                 for name in names:
                     self._new_axis(name)
+                for axis in self._states:
+                    if axis not in names:
+                        text = f'{self.target} has no such axis'
+                        self._on_unknown(axis, Outcome(Error.UnknownAxis, text))
 
         self._parameters.call_async(GetParameters.Request(names=['axes'])).add_done_callback(take)
 
     def _check(self, ask: Ask, until: float) -> None:
         """Send a dry run; one of a node that is not there yet waits."""
-        if not self._client.server_is_ready():
+        if self.foreign or not self._client.server_is_ready():
             self._held.append((ask, until))
             return
         names = [cell_messages.local(axis) for axis in ask.axes]

@@ -4,17 +4,25 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 
 from ..coordination.cells import Seen
+from ..coordination.health import LINE, Health, Level
 from ..coordination.preview import Preview
 from ..coordination.request import Request
 from ..coordination.turn import Checked
 from ..core.outcome import Outcome
 from ..procedures.states import Error, State
+from ..version import version
 from . import messages
 
+LEVELS = {
+    Level.ok: DiagnosticStatus.OK,
+    Level.warn: DiagnosticStatus.WARN,
+    Level.error: DiagnosticStatus.ERROR,
+}
 ERRORS = {code: error for error, code in messages.ERROR_CODES.items()}
 
 
@@ -80,6 +88,19 @@ def of_line(axis: str, state: AxisState) -> AxisState:
     """Return a state of a cell with the name that its axis has in the line."""
     state.axis = axis
     return state
+
+
+def doubted(state: AxisState, why: Outcome) -> AxisState:
+    """Return the last state of an axis of which nothing is known any more: it is not homed."""
+    return AxisState(
+        header=state.header,
+        axis=state.axis,
+        state=state.state,
+        error=str(why.error),
+        error_code=messages.ERROR_CODES[why.error],
+        message=why.message,
+        home_source='none',
+    )
 
 
 def unseen(axis: str, outcome: Outcome) -> AxisState:
@@ -149,3 +170,34 @@ def _first(missing: Sequence[str], error: Error) -> str:
     text = missing[0]
     axis, _, rest = text.partition(f': {error}: ')
     return f'{error}: {axis}: {rest}' if rest else text
+
+
+def diagnostics(stamp: int, node: str, entries: Sequence[Health]) -> DiagnosticArray:
+    """Return what the coordinator says of itself and of the cells.
+
+    Args:
+        stamp: The ROS time, ns.
+        node: The full name of the coordinator's node.
+        entries: What it says.
+    """
+    made_by = {'version': version()}
+    message = DiagnosticArray(
+        status=[
+            DiagnosticStatus(
+                level=LEVELS[one.level],
+                name=f'{node}: {one.name}',
+                message=one.text,
+                hardware_id=f'{node}/{one.name}',
+                values=[
+                    KeyValue(key=key, value=str(value))
+                    for key, value in {
+                        **one.values,
+                        **(made_by if one.name == LINE else {}),
+                    }.items()
+                ],
+            )
+            for one in entries
+        ]
+    )
+    message.header.stamp = messages.to_stamp(stamp)
+    return message

@@ -8,20 +8,23 @@ state topics are those of a homing node; an axis of it is `<cell>/<axis>`.
 
 import time
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from ..coordination.coordinator import Coordinator
+from ..coordination.health import health
 from ..coordination.preview import Preview
 from ..coordination.request import Request
 from ..core.locks import REPEATED
@@ -36,14 +39,16 @@ from .services import ACCEPTANCE
 from .subscriptions import Subscriptions
 from .waits import Waits
 
-#: How often the cells are looked at, and feedback is sent to goals, s.
-TICK, FEEDBACK = 0.05, 0.1
+#: How often the cells are looked at, feedback is sent to goals, and diagnostics are published, s.
+TICK, FEEDBACK, HEALTH = 0.05, 0.1, 1.0
 #: Each so many feedbacks one is sent although nothing has changed: the coordinator lives.
 BEAT = 10
 #: Longest wait for a node to stop an axis, s.
 STOP = 10.0
 #: How long the process stays after its last answer, s.
 LINGER = 0.2
+#: A publisher has two event handlers by default, and the executor looks at each whenever it wakes.
+WITHOUT_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -75,11 +80,12 @@ class HomingCoordinator(DeclaringNode):
                 identity,
                 self._add_axis,
                 self._take_state,
+                self._doubt,
                 self._ask,
             )
             for cell in self._core.cells
         }
-        for axis in dict.fromkeys([*self._named()]):
+        for axis in self._core.line.axes:
             self._add_axis(axis)
         for name, answering in (
             ('~/home', partial(self._home, [], '~/home')),
@@ -98,6 +104,8 @@ class HomingCoordinator(DeclaringNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK, self._tick, callback_group=self._group, clock=steady)
         self.create_timer(FEEDBACK, self._feedback, callback_group=self._group, clock=steady)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
+        self.create_timer(HEALTH, self._say_health, callback_group=self._group, clock=steady)
 
     def start(self) -> None:
         """Serve the axes; the node has its executor."""
@@ -119,19 +127,13 @@ class HomingCoordinator(DeclaringNode):
 
     # ------------------------------------------------------------------------------ the cells
 
-    def _named(self) -> Sequence[str]:
-        """Return the axes that the parameters name."""
-        given = self._core.line
-        named = [axis for step in given.steps for axis in step]
-        for axis, needed in given.requires.items():
-            named += [axis, *needed]
-        return named
-
     def _add_axis(self, axis: str) -> None:
         """Serve an axis, and follow its states."""
         if axis in self._state_topics:
             return
-        self._state_topics[axis] = self.create_publisher(AxisState, f'~/{axis}/state', LATCHED)
+        self._state_topics[axis] = self.create_publisher(
+            AxisState, f'~/{axis}/state', LATCHED, event_callbacks=WITHOUT_EVENTS
+        )
         self._links[cell_of(axis)].watch(axis)
         serve = self._services_of_axes.serve
         serve(f'{axis}/home', partial(self._home, [axis], f'~/{axis}/home'))
@@ -145,6 +147,11 @@ class HomingCoordinator(DeclaringNode):
             if axis in request.turn_of:
                 self._changed[number][axis] = state
 
+    def _doubt(self, axis: str, why: Outcome) -> None:
+        """Publish that nothing is known any more of an axis that had a state."""
+        if axis in self._states:
+            self._take_state(axis, cell_messages.doubted(self._states[axis], why))
+
     def _tick(self) -> None:
         now = time.monotonic()
         for link in self._links.values():
@@ -157,6 +164,14 @@ class HomingCoordinator(DeclaringNode):
             if one in ended:
                 self._ends.remove((one, future))
                 future.set_result(None)
+
+    def _say_health(self) -> None:
+        foreign = {cell: link.foreign for cell, link in self._links.items()}
+        entries = health(self._core, foreign, time.monotonic())
+        stamp = self.get_clock().now().nanoseconds
+        self._diagnostics.publish(
+            cell_messages.diagnostics(stamp, self.get_fully_qualified_name(), entries)
+        )
 
     def _ask(self) -> None:
         """Ask the cells what the core wants to know or to have."""
