@@ -91,6 +91,8 @@ def main():
     threading.Thread(target=obey, daemon=True).start()
     with suppress(KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
         executor.spin()
+    for node in stand_in.nodes:  # so that the others hear that it has gone
+        node.destroy_node()
 
 
 if __name__ == '__main__':

@@ -6,18 +6,21 @@ Every world has a ROS domain of its own, so that runs side by side do not meet.
 """
 
 import fcntl
+import json
 import os
+import select
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+import process_server
 import rclpy
 import yaml
 from builtin_interfaces.msg import Time
@@ -121,20 +124,93 @@ class PlainDumper(yaml.SafeDumper):
 PlainDumper.add_representer(str, PlainDumper.represent_str)
 
 
-class Process:
-    """An executable of the package as a process of its own, with its parameters from YAML."""
+class ProcessServer:
+    """The process that forks others (process_server.py), one for each worker of the tests."""
 
-    def __init__(self, name, folder, domain, parameters, arguments=()):
+    def __init__(self):
+        self._server = subprocess.Popen(
+            [sys.executable, process_server.__file__],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, 'PYTHONFAULTHANDLER': '1'},
+            start_new_session=True,
+        )
+        self._answers = {}  # (number of the process, what is said of it) -> the value
+        self._started = 0
+
+    def start(self, **order):
+        """Start a process; return its number here."""
+        self._started += 1
+        line = json.dumps({'number': self._started, **order})
+        self._server.stdin.write(line.encode() + b'\n')
+        self._server.stdin.flush()
+        return self._started
+
+    def answer(self, number, what, timeout):
+        """Return what was said of a process, None if nothing was said until the timeout, s."""
+        until = time.monotonic() + timeout
+        while (number, what) not in self._answers:
+            left = max(0.0, until - time.monotonic())
+            if not select.select([self._server.stdout], [], [], left)[0]:
+                return None
+            line = os.read(self._server.stdout.fileno(), 65536)
+            while not line.endswith(b'\n'):
+                part = os.read(self._server.stdout.fileno(), 65536)
+                assert part, 'the server of processes has ended'
+                line += part
+            for one in line.splitlines():
+                about, said, value = json.loads(one)
+                self._answers[about, said] = value
+        return self._answers[number, what]
+
+
+@cache
+def server():
+    return ProcessServer()
+
+
+class Forked:
+    """A forked process, as `subprocess.Popen` shows one."""
+
+    def __init__(self, input=os.devnull, **order):
+        self._number = server().start(input=str(input), **order)
+        self.pid = server().answer(self._number, 'pid', PATIENCE)
+
+    @property
+    def returncode(self):
+        return server().answer(self._number, 'status', 0.0)
+
+    def poll(self):
+        return self.returncode
+
+    def wait(self, timeout=PATIENCE):
+        status = server().answer(self._number, 'status', timeout)
+        if status is None:
+            raise subprocess.TimeoutExpired('a forked process', timeout)
+        return status
+
+    def send_signal(self, number):
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self):
+        self.send_signal(signal.SIGKILL)
+
+
+class Process:
+    """An executable of the package as a process of its own, with its parameters from YAML.
+
+    ``anew``: it starts with an interpreter of its own, and ends with it.
+    """
+
+    def __init__(self, name, folder, domain, parameters, arguments=(), anew=False):
         self.name = name
         number = sum(1 for _ in folder.iterdir())
         self._log = folder / f'{number}_{name}.log'
         file = folder / f'{number}_{name}.yaml'
-        file.write_text(
-            parameters
-            if isinstance(parameters, str)
-            else yaml.dump({'/**': {'ros__parameters': parameters}}, Dumper=PlainDumper)
-        )
-        code = f'import sys; from {MAINS[name]} import main; sys.exit(main())'
+        if not isinstance(parameters, bytes | str):
+            parameters = yaml.dump({'/**': {'ros__parameters': parameters}}, Dumper=PlainDumper)
+        file.write_bytes(parameters if isinstance(parameters, bytes) else parameters.encode())
         environment = {
             **os.environ,
             **UDP,
@@ -143,9 +219,20 @@ class Process:
             'ROS_LOG_DIR': str(folder / 'log'),
             'ROS_HOME': str(folder / 'ros_home'),
         }
+        arguments = ['--ros-args', '--params-file', str(file), *arguments]
+        if MAINS[name] in process_server.MODULES and not anew:
+            self._log.touch()
+            self.process = Forked(
+                module=MAINS[name],
+                arguments=arguments,
+                environment=environment,
+                log=str(self._log),
+            )
+            return
+        code = f'import sys; from {MAINS[name]} import main; sys.exit(main())'
         with self._log.open('w') as log:
             self.process = subprocess.Popen(
-                [sys.executable, '-c', code, '--ros-args', '--params-file', str(file), *arguments],
+                [sys.executable, '-c', code, *arguments],
                 env=environment,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -535,19 +622,26 @@ class World:
     """A node, a client and, where its axes are given, a simulated plant."""
 
     def __init__(
-        self, folder, parameters, plant=None, node='/homing_node', arguments=(), plant_arguments=()
+        self,
+        folder,
+        parameters,
+        plant=None,
+        node='/homing_node',
+        arguments=(),
+        plant_arguments=(),
+        anew=False,
     ):
         self.folder = Path(folder)
         self.domain = Domain()
         self.processes = []
         if plant is not None:
             self.plant = self.run('simulated_axes', plant, plant_arguments)
-        self.node = self.run('homing_node', parameters, arguments)
+        self.node = self.run('homing_node', parameters, arguments, anew)
         self.client = Client(self.domain, node)
         self.client.watch(*self.processes)
 
-    def run(self, name, parameters, arguments=()):
-        process = Process(name, self.folder, self.domain, parameters, arguments)
+    def run(self, name, parameters, arguments=(), anew=False):
+        process = Process(name, self.folder, self.domain, parameters, arguments, anew)
         self.processes.append(process)
         return process
 

@@ -111,8 +111,7 @@ def test_a_goal_that_is_canceled_stops_first(client):
     ros.assert_stopped(client, setpoints, 'long', 0.5)
 
 
-@pytest.mark.parametrize('number', range(2))
-def test_a_goal_whose_client_is_interrupted_is_canceled(client, world, number):
+def test_a_goal_whose_client_is_interrupted_is_canceled(client, world):
     """Its process knows the status 0.3 s after the acceptance."""
     ended = subprocess.run(
         [sys.executable, str(Path(__file__).with_name('send_goal.py')), 'long', '0.3'],
@@ -251,6 +250,7 @@ def machine(tmp_path_factory):
         'switches': switches,
     }
     axes = {state: {'home_type': home_type, **lasting} for state, home_type in CANCELED_IN.items()}
+    axes['HomeShift']['homing_velocity_slow'] = 0.02  # the last of them passes all states
     plant = {**{state: {'start': 0.07} for state in axes}, 'p': LONG, 'q': {}, 'r': LONG, 's': {}}
     sequence = [', '.join(axes), 'p, q, r', 's']
     with ros.World(
@@ -274,10 +274,11 @@ def test_cancel_in_each_state(machine, by):
     states = {axis: client.record_states(axis) for axis in CANCELED_IN}
     client.until(lambda: all(states.values()))
     goals = {axis: send(client, axis) for axis in CANCELED_IN}
-    waiting, canceled = set(goals), []
+    waiting, canceled, moved = set(goals), [], set()
 
     def cancel_those_who_are_there():
-        moved = {joint for heard in setpoints for joint in heard.message.joint_names}
+        for heard in setpoints[-20:]:
+            moved.update(heard.message.joint_names)
         for axis in waiting:
             if goals[axis][2].done():  # its state was over before this machine told of it
                 goals[axis] = send(client, axis)

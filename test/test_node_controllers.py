@@ -2,11 +2,9 @@
 """The node and the controller behind its setpoints, between real processes."""
 
 import json
+import os
 import signal
-import subprocess
-import sys
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 import ros_harness as ros
@@ -15,7 +13,6 @@ from std_srvs.srv import Trigger
 from test_diagnosis import FORWARD, JTC
 from trajectory_msgs.msg import JointTrajectory
 
-SCRIPT = Path(__file__).with_name('controller_stand_in.py')
 TOPIC = '/axes_controller/joint_trajectory'
 REMAP = ('--ros-args', '-r', f'~/setpoints:={TOPIC}', '-r', f'~/position_commands:={TOPIC}')
 
@@ -31,23 +28,23 @@ class Controller:
 
     def __init__(self, world, parameters, interface='trajectory', **options):
         given = {'name': 'axes_controller', 'parameters': parameters, 'topic': TOPIC}
-        self._process = subprocess.Popen(
-            [
-                sys.executable,
-                str(SCRIPT),
-                json.dumps({**given, 'interface': interface, **options}),
-            ],
-            env={**ros.os.environ, 'ROS_DOMAIN_ID': str(world.domain.number)},
-            stdin=subprocess.PIPE,
-            text=True,
+        fifo = world.folder / f'controller_{len(list(world.folder.iterdir()))}'
+        os.mkfifo(fifo)
+        self._process = ros.Forked(
+            module='controller_stand_in',
+            arguments=[json.dumps({**given, 'interface': interface, **options})],
+            environment={**os.environ, 'ROS_DOMAIN_ID': str(world.domain.number)},
+            input=fifo,
+            log=f'{fifo}.log',
         )
+        self._input = fifo.open('w')
 
     def become(self, state, silently=False):
-        self._process.stdin.write(f'{"silently " if silently else ""}{state}\n')
-        self._process.stdin.flush()
+        self._input.write(f'{"silently " if silently else ""}{state}\n')
+        self._input.flush()
 
     def close(self):
-        self._process.stdin.close()
+        self._input.close()
         self._process.wait(10.0)
 
 
@@ -69,6 +66,8 @@ def cell(tmp_path):
         if controller is not None:
             opened.append(Controller(world, controller, interface, **options))
             world.controller = opened[-1]
+            found = f'the setpoints on {TOPIC} go to /axes_controller'
+            world.client.until(lambda: found in world.node.output, what=found)
         world.kind = JointTrajectory if interface == 'trajectory' else Float64MultiArray
         return world
 
@@ -370,7 +369,8 @@ def test_a_node_that_was_held_up_begins_from_rest(named):
     longest = pauses.index(max(pauses))
     assert pauses[longest] > 0.09e9
     assert max(steps[:longest]) > 0.049 * 0.004
-    assert steps[longest] < 0.02 * 0.05 * 0.004  # jerk 20 m/s^3 for a period
+    # jerk 20 m/s^3 for a period; a setpoint that was made before may leave behind the pause
+    assert min(steps[longest : longest + 2]) < 0.02 * 0.05 * 0.004
 
 
 @pytest.mark.long

@@ -2,16 +2,14 @@
 """`homing doctor` and a running system, between real processes."""
 
 import json
-import os
-import subprocess
-import sys
 
 import pytest
 import ros_harness as ros
 from test_diagnosis import JTC
 from test_node_controllers import REMAP, TOPIC, Controller
 
-COMMAND = 'import sys; from homing_node.cli import main; sys.exit(main())'
+from homing_node.cli import main
+
 AXES = {'x': {'joint': 'x_joint'}, 'y': {'joint': 'y_joint'}}
 
 
@@ -28,23 +26,21 @@ def world(tmp_path_factory):
         yield world
 
 
-def doctor(world, *arguments):
-    """Run the command; return its exit status, its output and its errors."""
-    done = subprocess.run(
-        [sys.executable, '-c', COMMAND, 'doctor', *arguments],
-        env={**os.environ, 'ROS_DOMAIN_ID': str(world.domain.number)},
-        capture_output=True,
-        text=True,
-        timeout=60.0,
-    )
-    return done.returncode, done.stdout, done.stderr
+@pytest.fixture
+def doctor(world, monkeypatch, capsys):
+    """Return what runs the command: its exit status, its output and its errors."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(world.domain.number))
+
+    def run(*arguments):
+        status = main(['doctor', *arguments])
+        return status, *capsys.readouterr()
+
+    return run
 
 
-def found(world, *arguments):
+def found(doctor, *arguments):
     """Return the exit status and the findings of the node in its namespace, by their word."""
-    status, out, err = doctor(
-        world, '--node', '/cell/homing_node', '--json', '--listen', '2', *arguments
-    )
+    status, out, err = doctor('--node', '/cell/homing_node', '--json', '--listen', '1', *arguments)
     assert not err, err
     report = json.loads(out)
     assert report['node'] == '/cell/homing_node'
@@ -52,15 +48,15 @@ def found(world, *arguments):
 
 
 @pytest.mark.long
-def test_a_node_that_is_not_there(world):
-    status, out, err = doctor(world)
+def test_a_node_that_is_not_there(doctor):
+    status, out, err = doctor()
     assert status == 2 and out == ''
     assert 'there is no homing node /homing_node' in err
     assert 'homing doctor --node /cell/homing_node' in err
 
 
-def test_what_is_missing_is_found(world):
-    status, findings = found(world)
+def test_what_is_missing_is_found(doctor):
+    status, findings = found(doctor)
     assert status == 1
     assert TOPIC in findings['', 'no-controller']['what']
     # The plant stands in another namespace, but for one switch.
@@ -70,12 +66,12 @@ def test_what_is_missing_is_found(world):
     assert not any(check.startswith('feedback') for _, check in findings), findings
 
 
-def test_the_parameters_of_the_controller_are_read(world):
+def test_the_parameters_of_the_controller_are_read(world, doctor):
     wrong = {**JTC, 'allow_partial_joints_goal': False, 'constraints.y_joint.trajectory': 0.0002}
     controller = Controller(world, wrong)
     try:
         world.client.until(lambda: world.client.node.count_subscribers(TOPIC), what='controller')
-        status, findings = found(world)
+        status, findings = found(doctor)
     finally:
         controller.close()
     assert status == 1
@@ -85,7 +81,7 @@ def test_the_parameters_of_the_controller_are_read(world):
 
 
 @pytest.mark.long
-def test_the_controller_manager_is_asked(world):
+def test_the_controller_manager_is_asked(world, doctor):
     pytest.importorskip('controller_manager_msgs')
     controller = Controller(
         world,
@@ -95,7 +91,7 @@ def test_the_controller_manager_is_asked(world):
     )
     try:
         world.client.until(lambda: world.client.node.count_subscribers(TOPIC), what='controller')
-        status, findings = found(world)
+        status, findings = found(doctor)
     finally:
         controller.close()
     assert status == 1
@@ -104,10 +100,10 @@ def test_the_controller_manager_is_asked(world):
 
 
 @pytest.mark.long
-def test_nothing_is_changed(world):
+def test_nothing_is_changed(world, doctor):
     """The doctor publishes nothing and sets nothing: the node hears of no request."""
     before = world.client.get('x.homing_velocity_fast', 'y.homing_velocity_fast')
     states = world.client.record_states('x')
-    found(world)
+    found(doctor)
     assert world.client.get('x.homing_velocity_fast', 'y.homing_velocity_fast') == before
     assert {heard.message.state for heard in states} <= {'Idle'}

@@ -35,6 +35,7 @@ def homed(client):
     return float(numbers['home_position_raw']), float(numbers['uncertainty']), answer.message
 
 
+@pytest.mark.long
 def test_a_switch_that_is_polled_and_passed_twice(tmp_path):
     """Case 1: 50 Hz, HSHS from 100 to 10 mm/s."""
     values = {'homing_velocity_fast': 0.1, 'homing_velocity_slow': 0.01}

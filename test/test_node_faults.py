@@ -334,19 +334,12 @@ def test_a_topic_of_another_type(client, world, setpoints):
 )
 def test_parameters_that_are_no_yaml(tmp_path, content):
     """They end the start with a message, whatever they are."""
-    file = tmp_path / 'bad.yaml'
-    file.write_bytes(content)
-    code = 'import sys; from homing_node.ros.main import main; sys.exit(main())'
-    ended = subprocess.run(
-        [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)],
-        capture_output=True,
-        timeout=ros.PATIENCE,
-        check=False,
-    )
-    output = ended.stdout + ended.stderr
-    assert ended.returncode == 1, output
-    assert b'homing_node: ' in output
-    assert b'Traceback' not in output, output
+    domain = ros.Domain()
+    process = ros.Process('homing_node', tmp_path, domain, content)
+    assert process.wait() == 1, process.output
+    domain.release()
+    assert 'homing_node: ' in process.output
+    assert 'Traceback' not in process.output, process.output
 
 
 # -- two hosts ------------------------------------------------------------------------------------

@@ -91,11 +91,18 @@ def message_of(heard):
 def played(setpoints, joint, lost=0.0):
     """Return the commands of the model of the controller, until it rests: times and positions.
 
-    ``lost``: which part of the messages is lost. Times count from the arrival of the last one, s.
+    ``lost``: which part of the messages is lost: where a busy machine missed a cycle, too, none.
+    Times count from the arrival of the last one, s.
     """
     chance = random.Random(1)
     messages = [message_of(heard) for heard in setpoints]
-    told = [(one.stamp + DELAY, one) for one in messages if chance.random() >= lost]
+    gaps = [b.stamp - a.stamp for a, b in pairwise(messages)]
+    missed = {gap for gap in gaps if gap > 1.5 * PERIOD * NS} - {max(gaps)}
+
+    def is_lost(number):
+        return chance.random() < lost and missed.isdisjoint(gaps[max(0, number - 2) : number + 2])
+
+    told = [(one.stamp + DELAY, one) for n, one in enumerate(messages) if not is_lost(n)]
     start = {}
     for _, message in told:
         for name, position in zip(message.joints, message.points[0].positions, strict=True):

@@ -213,13 +213,14 @@ def test_diagnostics(run):
     run.client.until(
         lambda: (
             run.diagnostics
-            and all(s.message == 'homed' for s in run.diagnostics[-1].message.status)
+            and all(s.message.startswith('homed') for s in run.diagnostics[-1].message.status)
         )
     )
     statuses = {s.hardware_id: s for s in run.diagnostics[-1].message.status}
     assert set(statuses) == {f'/homing_node/{axis}' for axis in run.axes}
     for status in statuses.values():
-        assert status.level == b'\x00'
+        # On a busy machine a run may end with a warning.
+        assert (status.level == b'\x00') == (status.message == 'homed')
         values = {pair.key: pair.value for pair in status.values}
         assert values['state'] == 'Idle'
         assert values['homed'] == 'True'

@@ -11,10 +11,11 @@ DEMO = Path(__file__).resolve().parent.parent / 'launch' / 'demo.launch.py'
 TOPIC = '/axes/position_commands'
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     'arguments',
     [
-        pytest.param({'namespace': 'cell'}, marks=pytest.mark.long),
+        {'namespace': 'cell'},
         {'namespace': 'cell', 'setpoint_topic': TOPIC, 'setpoint_interface': 'position'},
     ],
     ids=['namespace', 'topic and interface'],

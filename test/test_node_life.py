@@ -113,7 +113,9 @@ def ended(tmp_path_factory):
     seen = {}
     for number in (signal.SIGINT, signal.SIGTERM):
         with ros.World(
-            tmp_path_factory.mktemp(number.name), ros.node_parameters({'x': {'travel': 1.0}})
+            tmp_path_factory.mktemp(number.name),
+            ros.node_parameters({'x': {'travel': 1.0}}),
+            anew=True,
         ) as world:
             client = world.client
             hand = ros.HandPlant(client, x=0.1)
@@ -161,6 +163,33 @@ def test_a_signal_answers_the_request_and_ends_the_node(ended, number):
     assert states[-1].message.error == 'Canceled'
 
 
+def test_every_executable_ends_with_its_interpreter(tmp_path):
+    """Nothing of ROS is left that would break it."""
+    parameters = {
+        'homing_node': ros.node_parameters({'x': {}}),
+        'simulated_axes': ros.plant_parameters({'x': {}}),
+        'homing_coordinator': {'nodes': ['/cell/homing_node'], 'steps': ['cell/x']},
+        'homed_axes': {'axes': ['x'], 'x': ros.AXIS, 'controllers': ['controller']},
+    }
+    assert set(parameters) == set(ros.MAINS)
+    domain = ros.Domain()
+    client = ros.Client(domain)
+    processes = {
+        name: ros.Process(name, tmp_path, domain, values, anew=True)
+        for name, values in parameters.items()
+    }
+    client.watch(*processes.values())
+    client.until(lambda: set(parameters) <= set(client.node.get_node_names()))
+    client.watch()
+    for process in processes.values():
+        process.signal()
+    for name, process in processes.items():
+        assert process.wait() == 0, (name, process.output)
+        assert 'Traceback' not in process.output, process.output
+    client.close()
+    domain.release()
+
+
 @pytest.fixture
 def breakable(tmp_path, monkeypatch):
     """Run a node with two axes that move, and a file that says what shall break."""
@@ -186,7 +215,10 @@ def breakable(tmp_path, monkeypatch):
         yield world, setpoints, answers, trigger
 
 
-@pytest.mark.parametrize(('part', 'name'), [('reports', 'reports'), ('inputs', 'cycle')])
+@pytest.mark.parametrize(
+    ('part', 'name'),
+    [pytest.param('reports', 'reports', marks=pytest.mark.long), ('inputs', 'cycle')],
+)
 def test_a_thread_that_breaks_stops_the_axes_and_ends_the_node(breakable, part, name):
     world, setpoints, answers, trigger = breakable
     world.client.watch()
@@ -398,62 +430,37 @@ def test_homings_in_a_row(tmp_path):
 # ----------------------------------------------------------------------------------- the process
 
 
-def test_what_exists_at_the_start_is_frozen_out_of_the_collector(tmp_path):
-    """A full collection would hold up the cycle by milliseconds."""
-    file = tmp_path / 'parameters.yaml'
-    file.write_text(yaml.dump({'/**': {'ros__parameters': described()}}, Dumper=ros.PlainDumper))
-    code = """
-import gc, sys
-from homing_node.ros import main
-from homing_node.ros.node import HomingNode
-
-def start(node, start=HomingNode.start):
-    print(gc.isenabled(), gc.get_freeze_count() > 10_000)
-    start(node)
-    node.stop()
-
-HomingNode.start = start
-sys.exit(main.main())
-"""
-    domain = ros.Domain()
-    ended = subprocess.run(
-        [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)],
-        check=False,
-        env={**os.environ, **ros.UDP, 'ROS_DOMAIN_ID': str(domain.number)},
-        capture_output=True,
-        text=True,
-        timeout=ros.PATIENCE,
-    )
-    domain.release()
-    assert ended.returncode == 0, ended.stderr
-    assert ended.stdout == 'True True\n'
-
-
-@pytest.mark.parametrize('udp', [{}, ros.UDP], ids=['shared memory', 'UDP'])
-def test_a_warning_of_shared_memory(tmp_path, udp):
-    """One, where the setpoints can be held up by it; the node changes no variable by itself."""
-    file = tmp_path / 'parameters.yaml'
-    file.write_text(yaml.dump({'/**': {'ros__parameters': described()}}, Dumper=ros.PlainDumper))
-    code = """
-import os, sys
+#: A node that ends as soon as it has started, and first says what it is like.
+SAYING = """
+import gc, os, sys
 from homing_node.ros import main
 from homing_node.ros.node import HomingNode
 
 before = dict(os.environ)
 
 def start(node, start=HomingNode.start):
-    print(dict(os.environ) == before)
+    print(gc.isenabled(), gc.get_freeze_count() > 10_000, dict(os.environ) == before)
     start(node)
     node.stop()
 
 HomingNode.start = start
 sys.exit(main.main())
 """
+
+
+@pytest.mark.parametrize('udp', [{}, ros.UDP], ids=['shared memory', 'UDP'])
+def test_what_a_process_does_to_itself(tmp_path, udp):
+    """What exists at the start is frozen: a full collection would hold up the cycle by ms.
+
+    It warns once where shared memory can hold up the setpoints, and changes no variable.
+    """
+    file = tmp_path / 'parameters.yaml'
+    file.write_text(yaml.dump({'/**': {'ros__parameters': described()}}, Dumper=ros.PlainDumper))
     domain = ros.Domain()
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain.number)}
     del environment['FASTRTPS_DEFAULT_PROFILES_FILE']
     ended = subprocess.run(
-        [sys.executable, '-c', code, '--ros-args', '--params-file', str(file)],
+        [sys.executable, '-c', SAYING, '--ros-args', '--params-file', str(file)],
         check=False,
         env={**environment, **udp},
         capture_output=True,
@@ -462,7 +469,7 @@ sys.exit(main.main())
     )
     domain.release()
     assert ended.returncode == 0, ended.stderr
-    assert ended.stdout == 'True\n'
+    assert ended.stdout == 'True True True\n'
     assert ended.stderr.count('shared memory of Fast DDS') == (0 if udp else 1)
 
 

@@ -48,7 +48,7 @@ def see(folder):
     # A slow search: a share of less than a second would be mostly noise.
     parameters = ros.node_parameters({axis: {'homing_velocity_fast': 0.02} for axis in AXES})
     plant = ros.plant_parameters({axis: {} for axis in AXES})
-    with ros.World(folder, parameters, plant) as world:
+    with ros.World(folder, parameters, plant, anew=True) as world:
         client = world.client
         shares, times, answers = [], [], []
         for axis in AXES:

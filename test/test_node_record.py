@@ -66,6 +66,7 @@ def test_a_run_is_recorded(world):
     )
 
 
+@pytest.mark.long
 def test_homing_record_records_a_run_from_outside(world, tmp_path):
     """By the topics alone; the picture and the home are those of the node's own record."""
     own = set(world.records.glob('*.mcap'))

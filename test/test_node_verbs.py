@@ -14,7 +14,7 @@ import pytest
 import ros_harness as ros
 from homing_interfaces.msg import AxisState
 
-from homing_node.cli import main
+from homing_node.cli import live, main
 from homing_node.client import HomingClient
 from homing_node.plant import layout_file
 
@@ -212,6 +212,7 @@ def test_survey(world, homing, tmp_path, monkeypatch):
     assert status == 2 and 'give --yes' in err
 
 
+@pytest.mark.long
 def test_watch(world, homing, monkeypatch):
     status, out, _ = homing('watch', '--once', '--json')
     told = json.loads(out)
@@ -234,7 +235,8 @@ def test_watch(world, homing, monkeypatch):
     assert any(' s  x: SecondHSSearch' in line for line in first)
 
 
-def test_there_is_no_such_node(homing):
+def test_there_is_no_such_node(homing, monkeypatch):
+    monkeypatch.setattr(live, 'PATIENCE', 3.0)
     status, out, err = homing('home', 'x', node='/homing_node')
     assert (status, out) == (2, '')
     assert 'there is no homing node /homing_node' in err
