@@ -18,12 +18,10 @@ settings.register_profile(
 settings.register_profile('fuzz', deadline=None, max_examples=1500, suppress_health_check=QUIET)
 settings.load_profile('fuzz' if os.environ.get('HOMING_FUZZ') else 'quick')
 
-#: Files that start processes or look at a clock.
+#: Files that start the node, or look at a clock.
 TIMED = (
     'test_bench',
-    'test_cli',
     'test_client',
-    'test_docs',
     'test_held_key',
     'test_node_',
     'test_reports',
@@ -38,8 +36,8 @@ def timed(file):
 
 
 def pytest_collection_modifyitems(items):
-    """Put the timed tests first: they take longest."""
-    items.sort(key=lambda item: not timed(item.path.name))
+    """Put the timed tests first, and then the files that stay whole: they take longest."""
+    items.sort(key=lambda item: (not timed(item.path.name), item.path.name not in WHOLE))
 
 
 def pytest_runtest_setup(item):
@@ -50,12 +48,18 @@ def pytest_runtest_setup(item):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Let workers share the tests; the timed ones all go to one."""
+    """Let workers share the tests; the timed ones all go to one, the rows of a test stay together.
+
+    A second worker for timed tests saves little on two cores, of which one home takes most of one,
+    and some tests then fail.
+    """
     from xdist.scheduler import LoadScopeScheduling
 
     class Scheduling(LoadScopeScheduling):
         def _split_scope(self, nodeid):
             file = nodeid.partition('::')[0].rpartition('/')[2]
-            return 'timed' if timed(file) else file if file in WHOLE else nodeid
+            if timed(file):
+                return 'timed'
+            return file if file in WHOLE else nodeid.partition('[')[0]
 
     return Scheduling(config, log)

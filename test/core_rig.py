@@ -7,6 +7,12 @@ direction. It is 100 mm long, from 0 to 0.1 m.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import wraps
+from inspect import signature
+from typing import Any
+from zlib import crc32
+
+import pytest
 
 from homing_node.course import Course, Happening
 from homing_node.parameters.axis import AxisParameters, axis_parameters
@@ -114,6 +120,46 @@ class Rig:
 
     def home(self, direction: int = 1, start: float | None = None) -> Course:
         return self.rehearsal(direction, start).home(limit=60.0)
+
+
+def grouped(names: str, rows: Iterable[Any]) -> Callable[[Callable[..., None]], Any]:
+    """Do as `parametrize` does, but in one test: for rows that take milliseconds each."""
+    words, rows = names.replace(',', ' ').split(), list(rows)
+
+    def decorate(test: Callable[..., None]) -> Any:
+        @wraps(test)
+        def all_rows(**given: Any) -> None:
+            for row in rows:
+                values = dict(zip(words, row if len(words) > 1 else (row,), strict=True))
+                try:
+                    test(**given, **values)
+                except Exception as error:
+                    raise AssertionError(f'{values}: {error}') from error
+
+        asked = signature(test)
+        others = [one for name, one in asked.parameters.items() if name not in words]
+        all_rows.__signature__ = asked.replace(parameters=others)
+        return all_rows
+
+    return decorate
+
+
+def thinned(rows: Iterable[Any], every: int) -> list[Any]:
+    """Return rows for `parametrize`: `make test` runs each nth, `make test-long` the others."""
+    return [
+        pytest.param(
+            *(row if isinstance(row, tuple) else (row,)),
+            marks=[pytest.mark.long] if n % every else [],
+        )
+        for n, row in enumerate(rows)
+    ]
+
+
+def both_ways(test: Callable[..., None]) -> Any:
+    """Run a test in one direction, and the long ones in the other: half of the tests each."""
+    first = DIRECTIONS[crc32(test.__name__.encode()) % 2]
+    rows = [pytest.param(first), pytest.param(-first, marks=pytest.mark.long)]
+    return pytest.mark.parametrize('direction', rows)(test)
 
 
 def _other_side(name: str) -> str:

@@ -67,7 +67,7 @@ def random_run(seed):
 
 def test_uncertainty_covers_the_error_and_is_not_idle():
     """Covers at least 99 % of the errors, and is at most 5 times too large in the median."""
-    runs = [random_run(seed) for seed in range(150)]
+    runs = [random_run(seed) for seed in range(100)]
     covered = sum(error <= uncertainty for error, uncertainty in runs) / len(runs)
     assert covered >= 0.99
     assert statistics.median(u / e for e, u in runs if e) <= 5.0

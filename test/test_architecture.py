@@ -90,12 +90,16 @@ OPTIONAL = {'control_msgs', 'controller_manager_msgs'}
 THIRD = {'lz4', 'matplotlib', 'mcap', 'mcap_ros2', 'numpy', 'rich', 'ruckig', 'yaml'}
 
 FILES = [path for path in sorted(PACKAGE.rglob('*.py')) if path != PACKAGE / '__init__.py']
-each_file = pytest.mark.parametrize('path', FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+each_room = pytest.mark.parametrize('room', ROOMS)
 
 
 def room_of(path):
     """Return the package within ours that a file belongs to, or the name of a module on top."""
     return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
+
+
+def files_of(room):
+    return [path for path in FILES if room_of(path) == room]
 
 
 def nodes_of(tree, within_functions):
@@ -123,6 +127,7 @@ def imports_of(path, within_functions=True):
     return own, others
 
 
+@cache
 def file_of(name):
     """Return the file that an imported name stands in: of a module, or of a package."""
     parts = name.split('/')
@@ -153,45 +158,45 @@ def test_every_room_is_named():
     assert {room_of(path) for path in FILES} == set(ROOMS)
 
 
-@each_file
-def test_a_room_imports_only_from_rooms_above_it(path):
-    own, _ = imports_of(path)
-    above = ROOMS[: ROOMS.index(room_of(path)) + 1]
-    assert {name.split('/')[0] for name in own} <= set(above)
+@each_room
+def test_a_room_imports_only_from_rooms_above_it(room):
+    above = set(ROOMS[: ROOMS.index(room) + 1])
+    for path in files_of(room):
+        own, _ = imports_of(path)
+        assert {name.split('/')[0] for name in own} <= above, path
 
 
-@each_file
-def test_nothing_imports_in_a_circle(path):
-    own, _ = imports_of(path)
-    for name in own:
-        assert path not in needed_by(file_of(name)) or file_of(name) == path, name
+@each_room
+def test_nothing_imports_in_a_circle(room):
+    for path in files_of(room):
+        own, _ = imports_of(path)
+        for name in own:
+            assert path not in needed_by(file_of(name)) or file_of(name) == path, (path, name)
 
 
-@each_file
-def test_who_knows_what(path):
-    _, others = imports_of(path)
-    room = room_of(path)
-    assert 'ruckig' not in others or path.name == 'profile.py'
-    assert not others & (ROS | OPTIONAL) or room in ROS_ROOMS
-    assert others <= ROS | OPTIONAL | THIRD | set(sys.stdlib_module_names) - {'homing_node'}
-    if room in PURE:
-        assert others <= PURE_LIBRARY | {'ruckig'}
-        names = {
-            node.id for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Name)
-        }
-        assert not names & {'open', 'print', 'exec', 'eval', '__import__'}
+@each_room
+def test_who_knows_what(room):
+    for path in files_of(room):
+        _, others = imports_of(path)
+        assert 'ruckig' not in others or path.name == 'profile.py', path
+        assert not others & (ROS | OPTIONAL) or room in ROS_ROOMS, path
+        assert others <= ROS | OPTIONAL | THIRD | set(sys.stdlib_module_names) - {'homing_node'}
+        if room in PURE:
+            assert others <= PURE_LIBRARY | {'ruckig'}, path
+            tree = ast.parse(path.read_text())
+            names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+            assert not names & {'open', 'print', 'exec', 'eval', '__import__'}, path
 
 
-@pytest.mark.parametrize(
-    'path',
-    [path for path in FILES if room_of(path) not in ROS_ROOMS],
-    ids=lambda p: str(p.relative_to(PACKAGE)),
-)
-def test_only_the_node_and_the_client_need_ros(path):
+@pytest.mark.parametrize('room', [room for room in ROOMS if room not in ROS_ROOMS])
+def test_only_the_node_and_the_client_need_ros(room):
     """A verb that needs ROS imports it when it runs; the command and the others load without."""
-    assert not {room_of(one) for one in needed_by(path, within_functions=False)} & set(ROS_ROOMS)
-    late = {room_of(file_of(name)) for name in imports_of(path)[0] if '/' in name} & set(ROS_ROOMS)
-    assert bool(late) == (str(path.relative_to(PACKAGE)) in ROS_VERBS)
+    for path in files_of(room):
+        needed = needed_by(path, within_functions=False)
+        assert not {room_of(one) for one in needed} & set(ROS_ROOMS), path
+        own, _ = imports_of(path)
+        late = {room_of(file_of(name)) for name in own if '/' in name} & set(ROS_ROOMS)
+        assert bool(late) == (str(path.relative_to(PACKAGE)) in ROS_VERBS), path
 
 
 def test_the_node_needs_no_tools():
@@ -212,17 +217,12 @@ def test_the_tables_are_plain_data():
             assert not isinstance(node, ast.Lambda | ast.BinOp | ast.Compare | ast.IfExp)
 
 
-@pytest.mark.parametrize(
-    'path',
-    [
-        p
-        for folder in ('homing_node', 'test', 'scripts', 'bench', 'launch')
-        for p in sorted((PACKAGE.parent / folder).rglob('*.py'))
-    ],
-    ids=lambda p: str(p.relative_to(PACKAGE.parent)),
-)
-def test_every_file_names_its_license(path):
-    assert '# SPDX-License-Identifier: Apache-2.0\n' in path.read_text()[:100]
+@pytest.mark.parametrize('folder', ['homing_node', 'test', 'scripts', 'bench', 'launch'])
+def test_every_file_names_its_license(folder):
+    paths = sorted((PACKAGE.parent / folder).rglob('*.py'))
+    assert paths
+    for path in paths:
+        assert '# SPDX-License-Identifier: Apache-2.0\n' in path.read_text()[:100], path
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from math import inf, isfinite, nan
 from typing import Any
 
 import pytest
+from core_rig import thinned
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -1013,7 +1014,8 @@ def test_no_run_takes_less_than_the_least_time(home_type):
 
 GRID = [
     pytest.param(
-        *(home_type, velocity, latency), marks=[] if velocity == 0.05 else [pytest.mark.long]
+        *(home_type, velocity, latency),
+        marks=[] if (velocity, latency) == (0.05, 0.008) else [pytest.mark.long],
     )
     for home_type in ('HS', 'HSHS', 'HSOff', 'LS', 'LSReverseZPulse', 'TouchProbe')
     for velocity in (0.02, 0.05, 0.1)
@@ -1147,7 +1149,7 @@ def test_the_rehearsal_hits_the_hard_stop_behind_where_the_check_says_so(velocit
 
 
 @pytest.mark.parametrize('direction', [1, pytest.param(-1, marks=pytest.mark.long)])
-@pytest.mark.parametrize('reverse', [0.0, 0.003, pytest.param(0.03, marks=pytest.mark.long)])
+@pytest.mark.parametrize('reverse', thinned([0.003, 0.0, 0.03], 3))
 @pytest.mark.parametrize(
     'acceleration, deceleration, feedback_rate',
     [(0.3, 1.0, None), (1.0, 0.3, None), (0.3, 1.0, 25.0)],
@@ -1352,8 +1354,8 @@ def test_any_layout_is_judged(home_type, known, ends, velocity, debounce, offset
         assert found.as_dict()
 
 
-@pytest.mark.parametrize('value', [1e-300, 1e-9, 1e9, 1e300])
-@pytest.mark.parametrize('home_type', HomeType)
+@pytest.mark.parametrize('value', [1e-300, 1e300])
+@pytest.mark.parametrize('home_type', thinned(HomeType, 3))
 def test_absurd_parameters_are_judged_too(home_type, value):
     example = EXAMPLES[home_type]
     rates = [name for name, definition in DEFINITIONS.items() if definition.unit.startswith('m/s')]

@@ -8,7 +8,7 @@ written in raw positions, and nothing of it is read from the tables of the node.
 from math import ceil, floor
 
 import pytest
-from core_rig import QUICK
+from core_rig import QUICK, grouped
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -120,7 +120,7 @@ def run(parameters, layout, start):
     return Rehearsal(parameters, layout, position=start).home(60.0)
 
 
-@pytest.mark.parametrize('start', EVERYWHERE)
+@grouped('start', EVERYWHERE)
 @pytest.mark.parametrize('number', STANDARD)
 def test_home_is_at_the_standards_edge_or_index_from_everywhere(number, start):
     parameters, layout = axis_of(number)
@@ -130,7 +130,7 @@ def test_home_is_at_the_standards_edge_or_index_from_everywhere(number, start):
     assert abs(course.outcome.home_position_raw - home) <= course.outcome.uncertainty + 1e-9
 
 
-@pytest.mark.parametrize('start', EVERYWHERE)
+@grouped('start', EVERYWHERE[::3])
 @pytest.mark.parametrize(('number', 'image'), MIRRORED.items())
 def test_the_mirrored_method_homes_at_the_mirrored_place(number, image, start):
     parameters, layout = axis_of(number)

@@ -12,7 +12,7 @@ not homed and its controllers are inactive.
 from itertools import product
 
 import pytest
-from core_rig import rig
+from core_rig import grouped, rig
 
 from homing_node.core.handover import Handover, Plan, may_begin
 from homing_node.core.handover_steps import ENDS, TABLE, UNDO, Asks, Event, Step
@@ -161,9 +161,7 @@ def test_the_order_of_the_steps():
 
 @pytest.mark.parametrize('shifts', [True, False])
 @pytest.mark.parametrize('controllers', [(), ('axes',)])
-@pytest.mark.parametrize(
-    'answers', list(product([GOOD, NO, SILENT, LIES, LATE], repeat=3)), ids='-'.join
-)
+@grouped('answers', product([GOOD, NO, SILENT, LIES, LATE], repeat=3))
 def test_every_answer_to_every_question(answers, controllers, shifts):
     asked = (Asks.Deactivate, Asks.Call, Asks.Activate)
     cell = Cell(dict(zip(asked, answers, strict=True)), controllers, shifts)

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import pytest
 from core_rig import (
-    DIRECTIONS,
     END,
     END_TYPES,
     EXTERNAL_AHEAD,
@@ -28,9 +27,11 @@ from core_rig import (
     TRUE_HOME,
     TYPES,
     assert_homed,
+    both_ways,
     bouncing,
     error_of,
     furthest,
+    grouped,
     home_of,
     injected,
     on_side,
@@ -38,6 +39,7 @@ from core_rig import (
     rig,
     spoilt,
     target_of,
+    thinned,
     with_another_flag,
 )
 
@@ -48,7 +50,7 @@ from homing_node.procedures.states import Error, HomeType, Input
 from homing_node.procedures.tables import PROCEDURES
 from homing_node.rehearsal.link import Transport
 
-BOTH_WAYS = pytest.mark.parametrize('direction', DIRECTIONS, ids=['positive', 'negative'])
+BOTH_WAYS = both_ways
 SEARCHING_TYPES = pytest.mark.parametrize('home_type', TRUE_HOME, ids=str)
 #: Those whose next run finds the same place, not the next pulse.
 REPEATING_TYPES = pytest.mark.parametrize(
@@ -96,7 +98,7 @@ def test_from_before(home_type, direction):
 
 @BOTH_WAYS
 @REVERSING_TYPES
-@pytest.mark.parametrize(
+@grouped(
     'start',
     [0.0021, 0.0599, 0.06, 0.0601, 0.063, 0.0659, 0.066, 0.0661, 0.08, 0.0899, 0.09, 0.0901, 0.1],
 )
@@ -124,8 +126,8 @@ def test_what_follows_a_home_switch_that_is_on_at_start(direction):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize(
-    ('home_type', 'start'),
+@grouped(
+    'home_type, start',
     [
         (home_type, start)
         for home_type in LIMIT_TYPES
@@ -161,7 +163,7 @@ def test_homing_again_from_the_edge_itself(home_type, direction):
 
 @BOTH_WAYS
 @REPEATING_TYPES
-@pytest.mark.parametrize('away', [-1e-9, 0.0, 1e-9, 1e-5])
+@grouped('away', [-1e-9, 0.0, 1e-9, 1e-5])
 def test_starting_around_the_home_position(home_type, direction, away):
     one = rig(home_type)
     if home_type is HomeType.MechanicalEndDetection:
@@ -181,8 +183,8 @@ def test_an_axis_on_a_pulse_goes_to_the_next(direction):
 
 @BOTH_WAYS
 @ON_SWITCH_TYPES
-@pytest.mark.parametrize('width', [1e-5, 3e-4, 0.002])
-@pytest.mark.parametrize('start', [0.05, 0.0601, 0.075])
+@grouped('width', [1e-5, 3e-4, 0.002])
+@grouped('start', [0.05, 0.0601, 0.075])
 def test_a_flag_that_the_axis_overruns(home_type, direction, width, start):
     one = rig(home_type).switched(**{HS: SwitchLayout(0.06, 0.06 + width)})
     assert_homed(one.home(direction, start), TRUE_HOME[home_type], direction)
@@ -190,7 +192,7 @@ def test_a_flag_that_the_axis_overruns(home_type, direction, width, start):
 
 @BOTH_WAYS
 @OFF_SWITCH_TYPES
-@pytest.mark.parametrize('start', [0.05, 0.0605, 0.075])
+@grouped('start', [0.05, 0.0605, 0.075])
 def test_a_narrow_flag_of_which_the_far_edge_counts(home_type, direction, start):
     one = rig(home_type).switched(**{HS: SwitchLayout(0.06, 0.062)})
     home = {'HSOffZPulse': 0.0633, 'HSOffReverseZPulse': 0.0533}.get(home_type, 0.062)
@@ -199,7 +201,7 @@ def test_a_narrow_flag_of_which_the_far_edge_counts(home_type, direction, start)
 
 @BOTH_WAYS
 @ON_LIMIT_TYPES
-@pytest.mark.parametrize('width', [1e-5, 3e-4, 0.002])
+@grouped('width', [1e-5, 3e-4, 0.002])
 def test_a_momentary_limit_as_the_reference(home_type, direction, width):
     one = rig(home_type)
     name, low = target_of(one)
@@ -209,7 +211,7 @@ def test_a_momentary_limit_as_the_reference(home_type, direction, width):
 
 @BOTH_WAYS
 @REVERSING_TYPES
-@pytest.mark.parametrize('width', [1e-5, 3e-4, 0.002])
+@grouped('width', [1e-5, 3e-4, 0.002])
 def test_a_momentary_limit_reverses(home_type, direction, width):
     one = rig(home_type).switched(**{LIMIT_AHEAD: SwitchLayout(0.09, 0.09 + width)})
     course = one.home(direction, 0.08)
@@ -507,7 +509,7 @@ def test_clearing_the_target_limit_is_bounded(home_type, direction):
 
 @BOTH_WAYS
 @REVERSING_TYPES
-@pytest.mark.parametrize('start', [0.05, 0.063, 0.08])
+@grouped('start', [0.05, 0.063, 0.08])
 def test_a_second_flag_within_the_reverse_distance_is_cleared_too(home_type, direction, start):
     """The switch is on again at the end of the distance: clearing goes on."""
     made = rig(home_type, homing_reverse_distance=0.008).rehearsal(direction, start)
@@ -928,9 +930,9 @@ def test_the_distance_to_the_pulse_is_bounded(direction, bound, error):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('apart', [-2e-4, -1e-6, 1e-6, 2e-4])
-@pytest.mark.parametrize('latch_delay', [0.0, 0.001, 0.002, 0.004, 0.01])
-@pytest.mark.parametrize('switch_delay', [0.0, 0.003, 0.01])
+@grouped('apart', [-2e-4, -1e-6, 1e-6, 2e-4])
+@grouped('latch_delay', [0.0, 0.001, 0.002, 0.004, 0.01])
+@grouped('switch_delay', [0.0, 0.003, 0.01])
 def test_a_pulse_at_the_edge_is_decided_by_its_position(
     direction, apart, latch_delay, switch_delay
 ):
@@ -945,14 +947,14 @@ def test_a_pulse_at_the_edge_is_decided_by_its_position(
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('latch_delay', [0.0, 0.005, 0.015])
+@grouped('latch_delay', [0.0, 0.005, 0.015])
 def test_a_pulse_passed_in_the_overrun_does_not_count(direction, latch_delay):
     one = rig('HSReverseZPulse').built(index_offset=0.0602).but(Transport(latch_delay=latch_delay))
     assert_homed(one.home(direction), 0.0502, direction)
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('hysteresis', [0.0, 1e-5, 5e-4])
+@grouped('hysteresis', [0.0, 1e-5, 5e-4])
 @SEARCHING_TYPES
 def test_hysteresis(home_type, direction, hysteresis):
     one = rig(home_type)
@@ -1012,7 +1014,7 @@ def test_contact_bounce(home_type, direction, debounce):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('start', [0.05, 0.063, 0.08])
+@grouped('start', [0.05, 0.063, 0.08])
 @REVERSING_TYPES
 def test_contact_bounce_from_everywhere(home_type, direction, start):
     made = spoilt(rig(home_type), bouncing(0.0003), direction, start)
@@ -1022,9 +1024,9 @@ def test_contact_bounce_from_everywhere(home_type, direction, start):
 @BOTH_WAYS
 @pytest.mark.parametrize('home_type', ['HS', 'HSHS', 'HSReverseZPulse', 'LS'])
 @pytest.mark.parametrize('feedback_rate', [50.0, 1000.0])
-@pytest.mark.parametrize('delay', [0.002, 0.01])
-@pytest.mark.parametrize('start', [0.0101, 0.0613, 0.0632, 0.0852])
-@pytest.mark.parametrize('every', [0.0005, 0.0012])
+@grouped('delay', [0.002, 0.01])
+@grouped('start', [0.0101, 0.0613, 0.0632, 0.0852])
+@pytest.mark.parametrize('every', thinned([0.0005, 0.0012], 2))
 def test_bounces_that_come_when_their_edge_has_turned_the_axis(
     home_type, direction, feedback_rate, delay, start, every
 ):
@@ -1055,7 +1057,7 @@ def test_a_debounce_costs_no_accuracy(home_type, direction):
 
 @BOTH_WAYS
 @SEARCHING_TYPES
-@pytest.mark.parametrize(
+@grouped(
     'transport',
     [
         Transport(feedback_delay=0.03),
@@ -1065,7 +1067,6 @@ def test_a_debounce_costs_no_accuracy(home_type, direction):
         Transport(100.0, 50.0, 0.01, 0.01, 0.01, 0.005),
         Transport(1000.0, 100.0),
     ],
-    ids=['late feedback', 'late switches', 'late latches', 'jitter', 'slow', 'fast'],
 )
 def test_messages_on_the_way(home_type, direction, transport):
     one = rig(
@@ -1126,8 +1127,8 @@ def test_the_drivers_own_latency_is_taken_off(direction, latency):
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('apart', [-1e-4, 0.0, 1e-4])
-@pytest.mark.parametrize('late', [0.0, 0.002, 0.01])
+@grouped('apart', [-1e-4, 0.0, 1e-4])
+@grouped('late', [0.0, 0.002, 0.01])
 @pytest.mark.parametrize('which', [HS, LIMIT_AHEAD])
 def test_the_earlier_edge_decides_however_late_it_arrives(direction, apart, late, which):
     """The limit rises `apart` after the home switch; one of the messages is late."""
@@ -1246,7 +1247,7 @@ def test_an_edge_that_rises_after_the_mechanical_end(home_type, flag, direction)
 
 
 @BOTH_WAYS
-@pytest.mark.parametrize('start', [0.05 - i * 1e-4 for i in range(8)])
+@grouped('start', [0.05 - i * 1e-4 for i in range(8)])
 def test_without_a_reverse_distance_no_cycle_is_lost_at_the_turn(direction, start):
     """The cycle that sees the edge turns, wherever between two samples of feedback that was."""
     made = rig('HSHS').rehearsal(direction, start)

@@ -308,7 +308,7 @@ def assert_kept_from_limit(scenario, course):
 
 
 @pytest.mark.parametrize('home_type', [t for t in TYPES if t != 'CurrentPos'], ids=str)
-@settings(max_examples=max(1, settings.default.max_examples // 6))
+@settings(max_examples=max(1, settings.default.max_examples // 15))
 @given(data=st.data())
 def test_invariants(home_type, data):
     scenario = data.draw(scenarios(home_type))
@@ -339,7 +339,7 @@ def test_invariants(home_type, data):
 
 
 @pytest.mark.parametrize('home_type', [t for t in TYPES if t != 'CurrentPos'], ids=str)
-@settings(max_examples=max(1, settings.default.max_examples // 30))
+@settings(max_examples=max(1, settings.default.max_examples // 70))
 @given(data=st.data())
 def test_scaling_all_lengths_scales_the_run(home_type, data):
     scenario = data.draw(scenarios(home_type))

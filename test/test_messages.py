@@ -5,6 +5,7 @@ import re
 from types import SimpleNamespace
 
 import pytest
+from core_rig import grouped
 from diagnostic_msgs.msg import DiagnosticStatus
 from gantry_rig import Gantry, SideRig
 from homing_interfaces.action import Home
@@ -61,11 +62,7 @@ def test_an_axis_has_no_members(axis):
     assert messages.axis_state(0, axis).members == []
 
 
-@pytest.mark.parametrize(
-    'definition',
-    [*NODE_DEFINITIONS.values(), *AXIS_DEFINITIONS.values()],
-    ids=lambda definition: definition.name,
-)
+@grouped('definition', [*NODE_DEFINITIONS.values(), *AXIS_DEFINITIONS.values()])
 def test_descriptors(definition):
     described = messages.descriptor(definition)
     assert described.dynamic_typing  # integers for real numbers

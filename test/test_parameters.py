@@ -5,6 +5,7 @@ import dataclasses
 import math
 
 import pytest
+from core_rig import grouped
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -169,14 +170,14 @@ def test_every_parameter_stands_in_the_table():
     assert set(DEFINITIONS) == set(DEFAULTS)
 
 
-@pytest.mark.parametrize('name', DEFAULTS)
+@grouped('name', DEFAULTS)
 def test_default(name):
     assert DEFINITIONS[name].default == DEFAULTS[name]
     if DEFAULTS[name] is not REQUIRED:
         assert getattr(built(), name) == DEFAULTS[name]
 
 
-@pytest.mark.parametrize('name', DEFINITIONS)
+@grouped('name', DEFINITIONS)
 def test_every_parameter_is_explained(name):
     definition = DEFINITIONS[name]
     assert definition.name == name
@@ -184,7 +185,7 @@ def test_every_parameter_is_explained(name):
     assert definition.kind is not float or definition.unit or name in RATIOS
 
 
-@pytest.mark.parametrize('name', POSITIVE)
+@grouped('name', POSITIVE)
 def test_what_must_be_positive(name):
     definition = DEFINITIONS[name]
     said = f' {definition.unit} must be >= {definition.minimum:g} and <= {definition.maximum:g}'
@@ -206,13 +207,13 @@ def test_which_must_be_positive():
     }
 
 
-@pytest.mark.parametrize('name', [n for n in REALS if n not in SIGNED and n not in POSITIVE])
+@grouped('name', [n for n in REALS if n not in SIGNED and n not in POSITIVE])
 def test_what_must_not_be_negative(name):
     assert getattr(built(**{name: 0}), name) == 0.0
     assert '>= ' in fault(**{name: -1e-9})
 
 
-@pytest.mark.parametrize('name', REALS)
+@grouped('name', REALS)
 @pytest.mark.parametrize('value', [1e-300, 1e300])
 def test_no_parameter_has_a_value_that_no_machine_has(name, value):
     definition = DEFINITIONS[name]
@@ -251,7 +252,7 @@ def test_messages_of_a_rotary_axis_say_rad():
     assert fault(unit='deg') == "unit: 'deg' is none of m, rad"
 
 
-@pytest.mark.parametrize('name', SIGNED)
+@grouped('name', SIGNED)
 def test_what_may_be_negative(name):
     low = {'travel_min': -0.2} if name == 'travel_max' else {}
     assert getattr(built(**{**low, name: -0.1}), name) == -0.1
@@ -263,7 +264,7 @@ def test_tolerance_is_relative():
     )
 
 
-@pytest.mark.parametrize('name', REALS)
+@grouped('name', REALS)
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf], ids=str)
 def test_reals_are_finite(name, value):
     found = fault(**{name: value})
@@ -271,7 +272,7 @@ def test_reals_are_finite(name, value):
     assert f'must be {DEFINITIONS[name].bounds}' in found
 
 
-@pytest.mark.parametrize('name', REALS)
+@grouped('name', REALS)
 @pytest.mark.parametrize('value', [True, False, '0.1', None, [0.1]], ids=repr)
 def test_reals_are_numbers(name, value):
     found = fault(**{name: value})
@@ -279,7 +280,7 @@ def test_reals_are_numbers(name, value):
     assert not DEFINITIONS[name].unit or f'({DEFINITIONS[name].unit})' in found
 
 
-@pytest.mark.parametrize('name', REALS)
+@grouped('name', REALS)
 def test_integers_are_accepted_for_reals(name):
     whole = 0 if DEFINITIONS[name].maximum < 1 else 1
     value = DEFINITIONS[name].convert(whole)

@@ -13,6 +13,7 @@ from core_rig import (
     REVERSING,
     TRUE_HOME,
     TYPES,
+    grouped,
     path,
     rig,
 )
@@ -36,9 +37,7 @@ ROWS = [
     for procedure in PROCEDURES.values()
     for step, row in procedure.rows.items()
 ]
-EVERY_ROW = pytest.mark.parametrize(
-    ('procedure', 'step', 'row'), ROWS, ids=[f'{p.home_type}-{s}' for p, s, _ in ROWS]
-)
+EVERY_ROW = grouped('procedure, step, row', ROWS)
 
 
 def reached_from(step, rows):

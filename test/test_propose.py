@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from core_rig import thinned
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -68,7 +69,7 @@ def test_an_axis_that_nobody_has_set_up(direction):
         assert trial.success, (start, trial)
 
 
-@pytest.mark.parametrize('home_type', HomeType)
+@pytest.mark.parametrize('home_type', thinned(HomeType, 3))
 def test_the_room_is_what_no_check_objects_to(home_type):
     """At the proposed speed the axis homes; a fifth faster a check objects."""
     example = EXAMPLES[home_type]

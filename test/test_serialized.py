@@ -6,7 +6,7 @@ import struct
 
 import pytest
 from builtin_interfaces.msg import Duration, Time
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
@@ -99,6 +99,7 @@ def trajectories(draw):
     return names, draw(st.integers(0, 2**31 * 10**9 - 1)), times, rows
 
 
+@settings(max_examples=max(1, settings.default.max_examples // 3))
 @given(st.lists(trajectories(), max_size=5))
 def test_trajectories_are_written_as_rclpy_writes_them(cycles):
     writer, plain = TrajectoryWriter(), PlainTrajectoryWriter()
