@@ -22,6 +22,8 @@ WORKERS := --numprocesses auto --maxprocesses 4 --no-loadscope-reorder
 
 # A ROS installation that happens to be sourced must not leak into .venv.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON
+# Where Python may not keep what it has compiled, each of hundreds of processes compiles it again.
+unexport PYTHONDONTWRITEBYTECODE
 # Processes that are started here neither hear nor disturb ROS nodes of other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
@@ -60,7 +62,7 @@ test: lint $(VENV)/.test_interfaces
 	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(WORKERS) $(MORE) -m 'not long'
 
 test-long: venv $(VENV)/.test_interfaces
-	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(MORE) -m long
+	ROS_PYTHON_CHECK_FIELDS=1 $(VENV)/bin/python -m pytest $(WORKERS) $(MORE) -m long
 
 test-kilted: $(KILTED)/.package
 	ROS_PYTHON_CHECK_FIELDS=1 $(KILTED)/bin/python -m pytest $(WORKERS) $(MORE) -m 'not long' $(TESTS_OF_ROS)
