@@ -157,6 +157,15 @@ def test_open_loop_on_an_edge_counts_the_lag_as_uncertain():
     assert_homed(course, TRUE_HOME['HS'])
 
 
+@BOTH_WAYS
+@pytest.mark.parametrize('home_type', ['HS', 'HSHS', 'HSReverse', 'HSOffReverse', 'LS'])
+def test_open_loop_waits_for_late_feedback_to_know_the_lag(home_type, direction):
+    """The command covers an edge before the feedback does, which is 20 ms late."""
+    one = rig(home_type, open_loop_homing=True, switch_stamp_error=1e-5, following_error=0.05)
+    one = one.but(Transport(feedback_delay=0.02)).built(lag=0.02)
+    assert_homed(one.home(direction), TRUE_HOME[home_type], direction)
+
+
 # -- a joint that is published modulo a turn ----------------------------------------------------
 
 TURN = 2.0 * math.pi

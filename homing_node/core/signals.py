@@ -99,9 +99,11 @@ class Edge(Mark):
         low, high = track.extent(begin, end)
         self.position = 0.5 * (low + high)
         self.uncertainty = max(0.5 * (high - low) + self._unknown(track), track.count, FINEST)
-        if feedback is not None and feedback.covers(end):
-            self.uncertainty += abs(feedback.at(self.time) - self.position)
         self.resolved = track.shows_bend(end + track.doubt)
+        if feedback is not None:
+            self.resolved = self.resolved and feedback.covers(end)
+            if feedback.covers(end):
+                self.uncertainty += abs(feedback.at(self.time) - self.position)
         return True
 
     def _unknown(self, track: Track) -> float:
