@@ -15,7 +15,8 @@ TESTS_OF_ROS := $(addprefix test/test_,$(addsuffix .py, client config inputs mes
 INTERFACES := $(shell find interfaces -type f)
 
 # ROS ships no types: mypy looks at all but the package that uses it, and the client.
-TYPED := $(filter-out homing_node/ros/% homing_node/client.py,$(wildcard homing_node/*.py homing_node/*/*.py))
+TYPED := $(filter-out homing_node/ros/% homing_node/client.py, \
+  $(wildcard homing_node/*.py homing_node/*/*.py homing_node/*/*/*.py))
 
 # What looks at a clock goes to one worker; the rest gives way to it (test/conftest.py).
 WORKERS := --numprocesses auto --maxprocesses 4 --no-loadscope-reorder

@@ -8,7 +8,7 @@ from figures import Figure, alternately, seconds, within
 from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig
 
 from homing_node.core.axis import Axis
-from homing_node.core.gantry_axis import GantryAxis
+from homing_node.core.gantry.axis import GantryAxis
 from homing_node.parameters.axis import axis_parameters
 from homing_node.parameters.gantry import follower_parameters
 from homing_node.procedures.states import Input

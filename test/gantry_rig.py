@@ -15,7 +15,7 @@ from typing import Any
 from core_rig import rig
 
 from homing_node.core.axis import Axis
-from homing_node.core.gantry_axis import GantryAxis
+from homing_node.core.gantry.axis import GantryAxis
 from homing_node.core.outcome import Outcome
 from homing_node.parameters.axis import AxisParameters
 from homing_node.parameters.gantry import follower_parameters

@@ -5,7 +5,7 @@ import pytest
 from core_rig import HS, LIMIT_AHEAD, rig
 from gantry_rig import Gantry, SideRig
 
-from homing_node.core.gantry_edges import Captures
+from homing_node.core.gantry.edges import Captures
 from homing_node.core.signals import Edge
 from homing_node.plant.layout import SwitchLayout
 from homing_node.procedures.motions import Way

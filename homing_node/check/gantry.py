@@ -154,7 +154,7 @@ class Gantry(AxisCheck):
         pitch = layout.index_pitch if Input.Z_PULSE in p.procedure.inputs else 0.0
         turns = round(abs(off) / pitch) if pitch else 0
         offset = parameters.switch_offset
-        if turns:  # half a pitch or more: core/gantry_squareness.py
+        if turns:  # half a pitch or more: core/gantry/squareness.py
             yield Finding(
                 Severity.error,
                 name,

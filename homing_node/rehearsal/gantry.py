@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from ..core.axis import Axis, Setpoint
-from ..core.gantry_axis import GantryAxis
+from ..core.gantry.axis import GantryAxis
 from ..course import Course, Sample
 from ..parameters.axis import AxisParameters
 from ..plant.gantry import ROUNDING, Gantry, Plant

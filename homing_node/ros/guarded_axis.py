@@ -6,8 +6,8 @@ from contextlib import suppress
 from typing import Any
 
 from ..core.axis import Axis
-from ..core.gantry_axis import GantryAxis
-from ..core.gantry_follower import Follower
+from ..core.gantry.axis import GantryAxis
+from ..core.gantry.follower import Follower
 from ..core.jog import Jog
 from ..core.outcome import Outcome
 from ..parameters.axis import AxisParameters

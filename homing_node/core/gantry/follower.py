@@ -9,15 +9,15 @@ import math
 from collections.abc import Iterable
 from typing import Protocol
 
-from ..parameters.axis import AxisParameters
-from ..procedures.states import Error, Input
-from .announcement import Course
-from .home_watch import HomeWatch
-from .limits import Action
-from .profile import Profile
-from .readings import Readings
-from .settling import Rest, Settling
-from .signals import Edge
+from ...parameters.axis import AxisParameters
+from ...procedures.states import Error, Input
+from ..announcement import Course
+from ..home_watch import HomeWatch
+from ..limits import Action
+from ..profile import Profile
+from ..readings import Readings
+from ..settling import Rest, Settling
+from ..signals import Edge
 
 #: Position, velocity and acceleration, raw.
 Setpoint = tuple[float, float, float]

@@ -8,18 +8,18 @@ last side's has come. Any other limit is that of the group as soon as one side's
 from collections.abc import Mapping, Sequence
 from copy import copy
 
-from ..parameters.axis import AxisParameters, switch_inputs
-from ..parameters.gantry import leaders_input
-from ..procedures.events import Event
-from ..procedures.motions import Kind, Way
-from ..procedures.procedure import Row
-from ..procedures.states import LIMIT_SWITCHES, Error, Input, Role
-from .gantry_edges import Captures, GroupEdge, GroupLevel
-from .gantry_side import Side
-from .limits import Action, limits_of
-from .machine import Machine
-from .outcome import Failure
-from .signals import Edge, Mark
+from ...parameters.axis import AxisParameters, switch_inputs
+from ...parameters.gantry import leaders_input
+from ...procedures.events import Event
+from ...procedures.motions import Kind, Way
+from ...procedures.procedure import Row
+from ...procedures.states import LIMIT_SWITCHES, Error, Input, Role
+from ..limits import Action, limits_of
+from ..machine import Machine
+from ..outcome import Failure
+from ..signals import Edge, Mark
+from .edges import Captures, GroupEdge, GroupLevel
+from .side import Side
 
 
 class GantrySwitches:

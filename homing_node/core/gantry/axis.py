@@ -10,26 +10,26 @@ doc/gantry.md.
 from collections.abc import Mapping
 from typing import Any
 
-from ..parameters.axis import AxisParameters
-from ..parameters.definition import InvalidParameters
-from ..parameters.gantry import group_parameters
-from ..procedures.motions import Kind
-from ..procedures.states import Error, Input
-from .axis import VELOCITY_SPAN, Axis, Setpoint
-from .ending import Ending
-from .gantry_follower import Follower
-from .gantry_machine import GantryMachine
-from .gantry_run import GantryRun
-from .gantry_side import Side
-from .jog import Jog
-from .limits import Action
-from .machine import Machine
-from .outcome import MemberHome, Outcome
-from .profile import Profile
-from .readings import Readings
-from .remembered import Remembered
-from .settling import jammed
-from .signals import Edge
+from ...parameters.axis import AxisParameters
+from ...parameters.definition import InvalidParameters
+from ...parameters.gantry import group_parameters
+from ...procedures.motions import Kind
+from ...procedures.states import Error, Input
+from ..axis import VELOCITY_SPAN, Axis, Setpoint
+from ..ending import Ending
+from ..jog import Jog
+from ..limits import Action
+from ..machine import Machine
+from ..outcome import MemberHome, Outcome
+from ..profile import Profile
+from ..readings import Readings
+from ..remembered import Remembered
+from ..settling import jammed
+from ..signals import Edge
+from .follower import Follower
+from .machine import GantryMachine
+from .run import GantryRun
+from .side import Side
 
 
 class GantryAxis(Axis):

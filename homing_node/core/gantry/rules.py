@@ -12,18 +12,18 @@ Positions are in the *toward* frame, m or rad; times in s are passed in.
 from collections.abc import Sequence
 from math import inf
 
-from ..parameters.axis import AxisParameters
-from ..procedures.events import Event
-from ..procedures.motions import Kind
-from ..procedures.states import Error, Input
-from .gantry_edges import GroupEdge
-from .gantry_side import Side, place_at, time_at
-from .gantry_switches import GantrySwitches, awaited, awaits_rise
-from .machine import Machine
-from .outcome import Failure
-from .profile import Profile
-from .signals import Mark
-from .track import Track
+from ...parameters.axis import AxisParameters
+from ...procedures.events import Event
+from ...procedures.motions import Kind
+from ...procedures.states import Error, Input
+from ..machine import Machine
+from ..outcome import Failure
+from ..profile import Profile
+from ..signals import Mark
+from ..track import Track
+from .edges import GroupEdge
+from .side import Side, place_at, time_at
+from .switches import GantrySwitches, awaited, awaits_rise
 
 #: A message of a switch may be so late, s: before that its edge is not missing.
 LATE = 0.05
@@ -67,7 +67,7 @@ class GantryRules:
 
     def broken(self, machine: Machine, now: float) -> Failure | None:
         """Return the rule that is broken, None while all hold."""
-        squares = machine.row.motion.kind is Kind.SQUARE  # gantry_squaring.py bounds that move
+        squares = machine.row.motion.kind is Kind.SQUARE  # squaring.py bounds that move
         least, command = machine.rules.least_limit, self._profile.commanded()
         leader = self._leader.track
         for side, readings, track, timeout in self._watched:

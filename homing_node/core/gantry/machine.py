@@ -9,29 +9,29 @@ proving pass, if they are needed and allowed.
 from collections.abc import Callable, Mapping
 from math import inf
 
-from ..parameters.axis import AxisParameters
-from ..procedures.events import Event
-from ..procedures.motions import Kind, Motion, Pace, Way
-from ..procedures.procedure import Row
-from ..procedures.squaring import (
+from ...parameters.axis import AxisParameters
+from ...procedures.events import Event
+from ...procedures.motions import Kind, Motion, Pace, Way
+from ...procedures.procedure import Row
+from ...procedures.squaring import (
     PROVED,
     PROVING_BACK,
     SQUARING,
     clears_at_start,
     gantry_rows,
 )
-from ..procedures.states import Error, Input
-from ..procedures.steps import HOME_SHIFT_MOVE, HS_CLEAR_REVERSE_AT_START, Step
-from .gantry_edges import GroupEdge, GroupMark
-from .gantry_run import GantryRun
-from .gantry_side import Side
-from .gantry_squaring import SquaringMove
-from .latches import EVENTS
-from .machine import Machine
-from .movement import Found, Movement
-from .outcome import Failure
-from .profile import Dynamics, Profile
-from .signals import Edge, Mark
+from ...procedures.states import Error, Input
+from ...procedures.steps import HOME_SHIFT_MOVE, HS_CLEAR_REVERSE_AT_START, Step
+from ..latches import EVENTS
+from ..machine import Machine
+from ..movement import Found, Movement
+from ..outcome import Failure
+from ..profile import Dynamics, Profile
+from ..signals import Edge, Mark
+from .edges import GroupEdge, GroupMark
+from .run import GantryRun
+from .side import Side
+from .squaring import SquaringMove
 
 #: How long after the axis rests before its references a switch may still tell that it fell, s.
 PATIENCE = 0.1

@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from statistics import fmean
 from typing import NamedTuple
 
-from ..parameters.axis import AxisParameters
-from ..procedures.events import Event
-from ..procedures.states import Error
-from .gantry_edges import GroupEdge, GroupMark, least_uncertainty
-from .gantry_side import Side
-from .outcome import Failure
-from .signals import Mark
+from ...parameters.axis import AxisParameters
+from ...procedures.events import Event
+from ...procedures.states import Error
+from ..outcome import Failure
+from ..signals import Mark
+from .edges import GroupEdge, GroupMark, least_uncertainty
+from .side import Side
 
 
 class Deviation(NamedTuple):

@@ -1,27 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run of a gantry: its sides together, for its machine.
 
-Who gets which part of it: the switches of all sides as one (gantry_switches.py), the rules that
-hold in every state (gantry_rules.py), how square it is (gantry_squareness.py).
+Who gets which part of it: the switches of all sides as one (switches.py), the rules that
+hold in every state (rules.py), how square it is (squareness.py).
 """
 
 from collections.abc import Mapping, Sequence
 
-from ..parameters.axis import AxisParameters
-from ..procedures.procedure import Row
-from ..procedures.squaring import reference_of
-from ..procedures.states import Error, Input
-from .edge_queue import EdgeQueue
-from .gantry_rules import GantryRules
-from .gantry_side import Side
-from .gantry_squareness import Squareness
-from .gantry_switches import GantrySwitches, awaited
-from .machine import Machine
-from .outcome import Failure, MemberHome
-from .profile import Profile
-from .settling import Settling
-from .signals import Edge, Mark
-from .track import Track
+from ...parameters.axis import AxisParameters
+from ...procedures.procedure import Row
+from ...procedures.squaring import reference_of
+from ...procedures.states import Error, Input
+from ..edge_queue import EdgeQueue
+from ..machine import Machine
+from ..outcome import Failure, MemberHome
+from ..profile import Profile
+from ..settling import Settling
+from ..signals import Edge, Mark
+from ..track import Track
+from .rules import GantryRules
+from .side import Side
+from .squareness import Squareness
+from .switches import GantrySwitches, awaited
 
 
 class GantryRun:

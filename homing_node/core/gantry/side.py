@@ -4,12 +4,12 @@
 Positions are in the *toward* frame, m or rad; times in s.
 """
 
-from ..parameters.axis import AxisParameters
-from .edge_queue import EdgeQueue
-from .gantry_follower import Follower
-from .latches import Latches
-from .readings import Readings
-from .track import Track
+from ...parameters.axis import AxisParameters
+from ..edge_queue import EdgeQueue
+from ..latches import Latches
+from ..readings import Readings
+from ..track import Track
+from .follower import Follower
 
 
 class Side:

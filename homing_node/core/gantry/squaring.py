@@ -10,13 +10,13 @@ Positions are in the *toward* frame, m or rad; times in s are passed in.
 
 from collections.abc import Mapping
 
-from ..parameters.axis import AxisParameters
-from ..procedures.motions import Pace
-from ..procedures.states import Error
-from .gantry_side import Side
-from .outcome import Failure
-from .profile import Dynamics, Profile
-from .settling import SETTLE_TIMEOUT, Settling
+from ...parameters.axis import AxisParameters
+from ...procedures.motions import Pace
+from ...procedures.states import Error
+from ..outcome import Failure
+from ..profile import Dynamics, Profile
+from ..settling import SETTLE_TIMEOUT, Settling
+from .side import Side
 
 #: The first part of the move, which shows whether it goes the right way, m or rad.
 SIGN_TEST = 1e-4

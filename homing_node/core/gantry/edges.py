@@ -8,9 +8,9 @@ edge. A switch is off when it is off on every side. Positions are in the *toward
 from collections.abc import Iterable, Mapping
 from typing import Generic, TypeVar
 
-from ..procedures.states import Input
-from .signals import FINEST, Edge, Mark
-from .track import Track
+from ...procedures.states import Input
+from ..signals import FINEST, Edge, Mark
+from ..track import Track
 
 #: One side of a gantry.
 SideT = TypeVar('SideT')
