@@ -318,7 +318,8 @@ def test_invariants(home_type, data):
         found, unsure = home_of(course), course.outcome.uncertainty
         fastest = p.homing_velocity_fast
         open_for = p.switch_stamp_error + scenario.interval
-        assert unsure <= fastest * open_for * (1 + 1e-6) + 1e-12
+        doubted = any('may be another one' in text for text in course.outcome.warnings)
+        assert doubted or unsure <= fastest * open_for * (1 + 1e-6) + 1e-12
         assert min(abs(found - home) for home in true_homes(scenario)) <= unsure + 1e-7
         assert course.samples[-1].position == pytest.approx(
             found + p.home_shift_distance, abs=1e-12

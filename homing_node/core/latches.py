@@ -7,6 +7,7 @@ Positions are in the *toward* frame, m or rad.
 from collections import deque
 from collections.abc import Iterable
 from itertools import pairwise
+from math import inf
 from statistics import median
 
 from ..parameters.axis import AxisParameters
@@ -54,12 +55,28 @@ class Latches:
     def margin(self, origin: float, way: Way) -> float | None:
         """Return the distance from where the Z-pulse was armed to the first pulse, in pitches."""
         armed = origin + way * self._parameters.z_pulse_arm_delay
-        beyond = [
-            (latch - armed) * way
-            for latch in self._positions[Event.Z_PULSE]
-            if (latch - armed) * way > 0.0
-        ]
-        return min(beyond) / self.pitch if beyond and self.pitch else None
+        first = self._first_beyond(armed, way)
+        return first / self.pitch if first < inf and self.pitch else None
+
+    def doubt(self, edge: Mark, way: Way) -> float:
+        """Return how far the Z-pulse that counts may be from the one found, m.
+
+        Where a pulse lies within the uncertainty of the edge that armed it, the first pulse beyond
+        the true edge may be another one: whole pitches away or, where no pitch is known, anywhere
+        in the search.
+        """
+        p, unsure, pitch = self._parameters, edge.uncertainty, self.pitch
+        first = self._first_beyond(edge.position + way * p.z_pulse_arm_delay, way)
+        if pitch:
+            before = (first + unsure) // pitch
+            beyond = (unsure - first) // pitch + 1.0
+            return pitch * max(before, beyond, 0.0)
+        return (p.max_z_pulse_distance or p.search_distance) if first <= unsure else 0.0
+
+    def _first_beyond(self, armed: float, way: Way) -> float:
+        """Return how far beyond a place the first Z-pulse lies, m; inf without one."""
+        beyond = ((latch - armed) * way for latch in self._positions[Event.Z_PULSE])
+        return min((distance for distance in beyond if distance > 0.0), default=inf)
 
     def margin_failure(self, margin: float) -> Failure | None:
         """Return what is wrong with a margin and where to move the switch; None if it is good.
