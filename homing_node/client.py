@@ -9,41 +9,32 @@
 Positions in m or rad, times in s.
 """
 
-import math
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 from typing import Any
 
-import rclpy
 from homing_interfaces.action import Home, Jog
 from homing_interfaces.msg import AxisState
-from rclpy.action import ActionClient
-from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter, ParameterMsg
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.task import Future
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from .course import Course
 from .procedures.states import Error
 from .ros import graph
+from .ros.calls import Abandoned, Calls, Interrupted, NotThere
 from .ros.course_recorder import CourseRecorder
 
-#: Interval at which a waiting client checks that the node is alive, s.
-ALIVE_PERIOD = 1.0
+__all__ = ['Abandoned', 'Answer', 'HomingClient', 'Interrupted', 'NotThere']
+
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-#: A node that sends no feedback about a goal for so long is silent, s; it sends some at 10 Hz.
-SILENCE = 5.0
 #: How often a deadman that is held says so, s.
 DEADMAN_PERIOD = 0.05
 
@@ -78,22 +69,6 @@ class Answer:
         return self.success
 
 
-class NotThere(TimeoutError):
-    """What would have answered is not in reach, so that nothing was asked of it."""
-
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C while a goal was on: it was canceled, and ``result`` is how it has ended, at rest."""
-
-    def __init__(self, result: Any) -> None:
-        self.result = result
-        super().__init__()
-
-
-class Abandoned(KeyboardInterrupt):
-    """A second Ctrl-C: the goal was canceled, and nobody has waited until the axes rest."""
-
-
 class HomingClient:
     """A client of one homing node, in a context and a thread of its own.
 
@@ -114,23 +89,11 @@ class HomingClient:
         self.node_name = node_name
         self.discovery = discovery
         self.patience = patience
-        self._context = Context()
-        rclpy.init(context=self._context)
-        self.node = Node(
-            f'homing_client_{os.getpid()}',
-            context=self._context,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self._closed: Future = Future()  # a context that ends in a spin breaks it
-        self._clients: dict[str, Any] = {}
+        self._calls = Calls(node_name, discovery)
+        self.node = self._calls.node
         self._subscriptions: dict[str, Any] = {}  # to the states, by axis
         self._states: dict[str, AxisState] = {}
         self._changed = threading.Condition()
-        self._thread = threading.Thread(target=self._spin, daemon=True)
-        self._thread.start()
 
     def __enter__(self) -> 'HomingClient':
         return self
@@ -140,10 +103,7 @@ class HomingClient:
 
     def close(self) -> None:
         """Leave the graph."""
-        self._closed.set_result(None)
-        self._thread.join()
-        self._context.try_shutdown()
-        self.node.destroy_node()
+        self._calls.close()
 
     def home(
         self,
@@ -211,14 +171,14 @@ class HomingClient:
             deadman=held is not None,
         )
         if held is None:
-            return self._act(Jog, 'jog', goal, on_feedback, timeout)
+            return self._calls.act(Jog, 'jog', goal, on_feedback, timeout)
         topic = f'{self.node_name}/{axis}/deadman'
-        publisher = self._client(topic, lambda: self.node.create_publisher(Bool, topic, 1))
+        publisher = self._calls.client(topic, lambda: self.node.create_publisher(Bool, topic, 1))
         timer = self.node.create_timer(
             DEADMAN_PERIOD, lambda: publisher.publish(Bool(data=bool(held())))
         )
         try:
-            return self._act(Jog, 'jog', goal, on_feedback, timeout)
+            return self._calls.act(Jog, 'jog', goal, on_feedback, timeout)
         finally:
             self.node.destroy_timer(timer)
 
@@ -239,7 +199,7 @@ class HomingClient:
         Where one has no such service, the others are stopped all the same.
         """
         names = {axis: f'{self.node_name}/{axis}/cancel' for axis in axes}
-        clients = {axis: self._service(Trigger, name) for axis, name in names.items()}
+        clients = {axis: self._calls.service(Trigger, name) for axis, name in names.items()}
         until = time.monotonic() + self.discovery
         sent: dict[str, Any] = {}
         while len(sent) < len(clients) and time.monotonic() < until:
@@ -252,7 +212,7 @@ class HomingClient:
             for axis, name in names.items()
         }
         for axis, future in sent.items():
-            response = self._wait(future, None, clients[axis].service_is_ready)
+            response = self._calls.wait(future, None, clients[axis].service_is_ready)
             answers[axis] = Answer(response.success, response.message)
         return answers
 
@@ -266,23 +226,25 @@ class HomingClient:
 
     def set_parameters(self, axis: str, **values: Any) -> Answer:
         """Set some parameters of an axis together, for its next run."""
-        client = self._client(
+        client = self._calls.client(
             'parameters', lambda: AsyncParameterClient(self.node, self.node_name)
         )
         if not client.wait_for_services(self.discovery):
             raise NotThere(f'no node {self.node_name} within {self.discovery:g} s')
         parameters = [Parameter(f'{axis}.{name}', value=value) for name, value in values.items()]
-        result = self._wait(client.set_parameters_atomically(parameters), self.discovery).result
+        result = self._calls.wait(
+            client.set_parameters_atomically(parameters), self.discovery
+        ).result
         return Answer(result.successful, result.reason)
 
     def parameters(self, *names: str) -> dict[str, Any]:
         """Return those parameters of the node that it has."""
-        client = self._client(
+        client = self._calls.client(
             'parameters', lambda: AsyncParameterClient(self.node, self.node_name)
         )
         if not client.wait_for_services(self.discovery):
             raise NotThere(f'no node {self.node_name} within {self.discovery:g} s')
-        values = self._wait(client.get_parameters(list(names)), self.discovery).values
+        values = self._calls.wait(client.get_parameters(list(names)), self.discovery).values
         found = (
             Parameter.from_parameter_msg(ParameterMsg(name=name, value=value))
             for name, value in zip(names, values, strict=False)
@@ -341,10 +303,6 @@ class HomingClient:
 
     # ------------------------------------------------------------------------------------- inside
 
-    def _spin(self) -> None:
-        with suppress(ExternalShutdownException):
-            self._executor.spin_until_future_complete(self._closed)
-
     def _home(
         self,
         name: str,
@@ -352,7 +310,7 @@ class HomingClient:
         on_feedback: Callable[[Home.Feedback], None] | None,
         timeout: float | None,
     ) -> Answer:
-        result = self._act(Home, name, goal, on_feedback, timeout)
+        result = self._calls.act(Home, name, goal, on_feedback, timeout)
         for state in result.states:
             self._take_state(state.axis, state)
         return Answer(
@@ -363,66 +321,6 @@ class HomingClient:
             tuple(result.durations),
             tuple(result.missing),
         )
-
-    def _act(
-        self,
-        kind: Any,
-        name: str,
-        goal: Any,
-        on_feedback: Callable[[Any], None] | None = None,
-        timeout: float | None = None,
-    ) -> Any:
-        """Send a goal, and return its result; stop it where this call ends before."""
-        action = f'{self.node_name}/{name}'
-        client = self._client(f'{name} (action)', lambda: ActionClient(self.node, kind, action))
-        if not client.wait_for_server(self.discovery):
-            raise NotThere(f'no action {action} within {self.discovery:g} s')
-        heard = time.monotonic()
-        broken: Exception | None = None
-
-        def forward(message: Any) -> None:
-            nonlocal heard, broken
-            heard = time.monotonic()
-            if on_feedback is not None and broken is None:
-                try:
-                    on_feedback(message.feedback)
-                except Exception as error:  # the thread must go on: the result is to come
-                    broken = error
-
-        def alive() -> bool:
-            return client.server_is_ready() and time.monotonic() - heard < SILENCE
-
-        sent = client.send_goal_async(goal, forward)
-        try:
-            accepted = self._wait(sent, self.discovery, client.server_is_ready)
-            if not accepted.accepted:
-                return kind.Result(message=f'{self.node_name} has rejected the goal')
-            heard = time.monotonic()
-            result = self._wait(accepted.get_result_async(), timeout, alive).result
-        except KeyboardInterrupt:
-            heard = time.monotonic()
-            try:
-                result = self._stop(client, sent, alive)
-            except KeyboardInterrupt:
-                raise Abandoned from None
-            raise Interrupted(result) from None
-        except TimeoutError:
-            heard = time.monotonic()
-            self._stop(client, sent, alive)
-            raise
-        if broken is not None:
-            raise broken
-        return result
-
-    def _stop(self, client: Any, sent: Any, alive: Callable[[], bool]) -> Any:
-        """Cancel a goal that was sent, and return its result, which comes when all is at rest.
-
-        A heavy axis may brake for long: the wait ends when ``alive()`` returns false.
-        """
-        ready = client.server_is_ready
-        goal = self._wait(sent, self.discovery, ready)
-        self._wait(goal.cancel_goal_async(), self.discovery, ready)
-        return self._wait(goal.get_result_async(), None, alive).result
 
     def _patiently(self, run: Callable[[], Answer], axis: str = '') -> Answer:
         """Repeat a request while it is refused because the node has not heard its inputs."""
@@ -444,39 +342,13 @@ class HomingClient:
             return bool(states) and all(state.error != answer.error for state in states)
         return answer.error == Error.SwitchUnknown
 
-    def _client(self, name: str, make: Callable[[], Any]) -> Any:
-        if name not in self._clients:
-            self._clients[name] = make()
-        return self._clients[name]
-
-    def _service(self, kind: Any, full: str) -> Any:
-        return self._client(full, lambda: self.node.create_client(kind, full))
-
     def _trigger(self, axis: str, verb: str, timeout: float | None = None) -> Answer:
         name = f'{axis}/{verb}' if axis else verb
         return self._call(Trigger, name, Trigger.Request(), timeout)
 
     def _call(self, kind: Any, name: str, request: Any, timeout: float | None = None) -> Answer:
-        full = f'{self.node_name}/{name}'
-        client = self._service(kind, full)
-        if not client.wait_for_service(self.discovery):
-            raise NotThere(f'no service {full} within {self.discovery:g} s')
-        response = self._wait(client.call_async(request), timeout, client.service_is_ready)
+        response = self._calls.call(kind, f'{self.node_name}/{name}', request, timeout)
         return Answer(response.success, response.message)
-
-    def _wait(
-        self, future: Any, timeout: float | None, alive: Callable[[], bool] = lambda: True
-    ) -> Any:
-        """Return a future's result; ``alive()`` returns whether its server is still there."""
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
-        until = math.inf if timeout is None else time.monotonic() + timeout
-        while not done.wait(max(0.0, min(ALIVE_PERIOD, until - time.monotonic()))):
-            if time.monotonic() >= until:
-                raise TimeoutError(f'{self.node_name} did not answer within {timeout:g} s')
-            if not alive():
-                raise TimeoutError(f'{self.node_name} has ended, or is out of reach')
-        return future.result()
 
     def _take_state(self, axis: str, message: AxisState) -> None:
         """Keep a state unless it is older than the newest one."""

@@ -14,6 +14,7 @@ from rich.console import Console
 from homing_node.cli import main
 from homing_node.cli.progress import Display
 from homing_node.client import Abandoned, Answer, HomingClient, Interrupted, NotThere
+from homing_node.ros.calls import Calls
 
 
 @pytest.mark.parametrize(
@@ -22,9 +23,8 @@ from homing_node.client import Abandoned, Answer, HomingClient, Interrupted, Not
     ids=['gone', 'silent'],
 )
 def test_no_answer_comes(timeout, alive, text):
-    client = SimpleNamespace(node_name='/homing_node')
     with pytest.raises(TimeoutError, match=f'/homing_node {text}'):
-        HomingClient._wait(client, Future(), timeout, lambda: alive)
+        calls_of(None).wait(Future(), timeout, lambda: alive)
 
 
 @pytest.mark.parametrize(
@@ -94,36 +94,44 @@ def done(value):
     return future
 
 
-def client_of(server):
-    """Return a client without a graph, whose one server this is."""
-    client = HomingClient.__new__(HomingClient)
-    client.node_name, client.discovery = '/homing_node', 0.1
-    client._clients = {'home (action)': server}
-    return client
+class Thread:
+    """An executor whose thread does at once what it is given."""
+
+    @staticmethod
+    def create_task(send):
+        return done(send())
+
+
+def calls_of(server):
+    """Return calls without a graph, whose one server this is."""
+    calls = Calls.__new__(Calls)
+    calls._asked, calls._discovery = '/homing_node', 0.1
+    calls._clients, calls._executor = {'home (action)': server}, Thread
+    return calls
 
 
 def test_a_node_that_falls_silent_is_told_to_stop(monkeypatch):
-    monkeypatch.setattr('homing_node.client.SILENCE', 0.05)
-    monkeypatch.setattr('homing_node.client.ALIVE_PERIOD', 0.02)
+    monkeypatch.setattr('homing_node.ros.calls.SILENCE', 0.05)
+    monkeypatch.setattr('homing_node.ros.calls.ALIVE_PERIOD', 0.02)
     server = Server()
     with pytest.raises(TimeoutError, match='/homing_node has ended, or is out of reach'):
-        client_of(server)._act(None, 'home', None)
+        calls_of(server).act(None, 'home', None)
     assert server.canceled
 
 
 def test_ctrl_c_waits_for_the_end_of_the_goal(monkeypatch):
     server = Server()
-    client = client_of(server)
-    waits = HomingClient._wait
+    calls = calls_of(server)
+    waits = calls.wait
 
     def wait(future, *bounds):
         if future is server.result and not server.canceled:
             raise KeyboardInterrupt
-        return waits(client, future, *bounds)
+        return waits(future, *bounds)
 
-    monkeypatch.setattr(client, '_wait', wait)
+    monkeypatch.setattr(calls, 'wait', wait)
     with pytest.raises(Interrupted) as ended:
-        client._act(None, 'home', None)
+        calls.act(None, 'home', None)
     assert ended.value.result == 'canceled'
 
 
@@ -169,23 +177,23 @@ def test_a_feedback_that_raises_leaves_the_call_at_its_end():
         raise RuntimeError('it broke')
 
     with pytest.raises(RuntimeError, match='it broke'):
-        client_of(server)._act(None, 'home', None, broken)
+        calls_of(server).act(None, 'home', None, broken)
     assert told == ['one'] and not server.canceled
 
 
 def test_a_second_ctrl_c_does_not_wait(monkeypatch, capsys):
     server = Server(answers_cancel=False)
-    client = client_of(server)
-    waits = HomingClient._wait
+    calls = calls_of(server)
+    waits = calls.wait
 
     def wait(future, *bounds):
         if future is server.result:
             raise KeyboardInterrupt
-        return waits(client, future, *bounds)
+        return waits(future, *bounds)
 
-    monkeypatch.setattr(client, '_wait', wait)
+    monkeypatch.setattr(calls, 'wait', wait)
     with pytest.raises(Abandoned):
-        client._act(None, 'home', None)
+        calls.act(None, 'home', None)
     assert server.canceled
 
 
@@ -286,8 +294,11 @@ class Cancel:
 def test_several_axes_are_canceled_at_the_same_time():
     """None waits for the rest of another, nor for a name that is none."""
     asked = []
-    client = client_of(None)
-    client._clients = {f'/homing_node/{axis}/cancel': Cancel(asked, axis != 'u') for axis in 'uxy'}
+    client = HomingClient.__new__(HomingClient)
+    client.node_name, client.discovery, client._calls = '/homing_node', 0.1, calls_of(None)
+    client._calls._clients = {
+        f'/homing_node/{axis}/cancel': Cancel(asked, axis != 'u') for axis in 'uxy'
+    }
     answers = client.cancel_each('u', 'x', 'y')
     assert answers['x'] == answers['y'] == Answer(True, 'at rest')
     assert not answers['u'] and answers['u'].message.startswith('no service /homing_node/u/cancel')
