@@ -817,6 +817,18 @@ def _(d):
 
 
 @case(
+    '45',
+    'a drive that begins late is not at its end',
+    'the axis follows 0.26 s after the first feedback',
+    Error.FollowingError,
+    says='behind the mechanical end',
+)
+def _(d):
+    one = rig('MechanicalEndDetection', mechanical_end_detection_time=0.1)
+    return homed(one, d, f.stands(past(0.03 * d, d), 0.26), start=0.03)
+
+
+@case(
     '46',
     'a motor without encoder stalls',
     'the drive reports its command',

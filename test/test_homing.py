@@ -1217,6 +1217,15 @@ def test_the_mechanical_end_must_last(direction, duration):
 
 
 @BOTH_WAYS
+@pytest.mark.parametrize(('start', 'warned'), [(END, True), (END - 0.01, False)])
+def test_an_axis_that_begins_at_its_end_is_homed_with_a_warning(start, warned, direction):
+    """A drive that is off looks the same: nothing has moved."""
+    course = rig('MechanicalEndDetection').home(direction, start=start)
+    assert_homed(course, END, direction)
+    assert any('began at its end' in text for text in course.outcome.warnings) == warned
+
+
+@BOTH_WAYS
 @pytest.mark.parametrize('home_type', END_TYPES, ids=str)
 def test_the_command_may_come_back_from_far_behind_the_end(home_type, direction):
     """It went on for the time of the detection, further than following_error."""

@@ -262,7 +262,7 @@ class Machine:
         movement.follow(feedback)
         failure = self.rules.broken(
             movement.leg, self.profile.commanded, feedback, now, interval, age
-        )
+        ) or movement.end.passed(feedback)
         if failure is not None:
             self.fail(failure)
             return

@@ -7,6 +7,9 @@ Lengths in m or rad, times in s, torques in %.
 import math
 
 from ..parameters.axis import AxisParameters
+from ..procedures.states import Error
+from .outcome import Failure
+from .signals import FINEST, Mark
 
 #: The feedback has stopped while it moves slower than this part of the slow velocity, ...
 STOPPED = 0.1
@@ -17,15 +20,18 @@ STOPPED_TIME, STOPPED_READINGS = 0.02, 3
 class MechanicalEnd:
     """Found once the feedback has stopped behind the command for long enough (WMX3 manual).
 
-    A drive that lags is behind the command, too, but its feedback moves on.
+    A drive that lags is behind the command, too, but its feedback moves on. A drive that begins to
+    follow only later looks like an end at first; then it passes the place.
 
     Attributes:
         touched: since when the axis stands behind the command, s; inf while it does not.
         moved: how far the feedback has moved since it stopped, m or rad.
+        place: where the end was found, m or rad; None before.
     """
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
+        self.place: Mark | None = None
         self.begin()
 
     def begin(self) -> None:
@@ -54,6 +60,26 @@ class MechanicalEnd:
         return (
             now - self.touched >= p.mechanical_end_detection_time
             and stood >= p.mechanical_end_detection_time
+        )
+
+    def find(self, feedback: float) -> Mark:
+        """Keep the feedback as the place of the end, and return it."""
+        self.place = Mark(feedback, max(FINEST, self.moved))
+        return self.place
+
+    def passed(self, feedback: float) -> Failure | None:
+        """Return what is wrong if the axis has passed the place of the end: nothing holds it."""
+        if self.place is None:
+            return None
+        allowed = max(self._parameters.mechanical_end_detection_pos_diff, self.place.uncertainty)
+        by = feedback - self.place.position
+        if by <= allowed:
+            return None
+        return Failure(
+            Error.FollowingError,
+            f'the axis went {by:.6g} m on behind the mechanical end, more than {allowed:.6g} m',
+            'does the drive follow late, or does the end give way? '
+            'mechanical_end_detection_time may be too short',
         )
 
     def _stands(self, feedback: float, now: float, window: float) -> float:

@@ -17,7 +17,7 @@ from .latches import Latches
 from .mechanical_end import MechanicalEnd
 from .outcome import Failure
 from .profile import Dynamics, Profile
-from .signals import FINEST, Edge, Mark
+from .signals import Edge, Mark
 from .travel import Leg
 
 #: An axis that has traveled no more than this part of what the command did has stood.
@@ -183,7 +183,7 @@ class Movement:
     def _end_detected(self, now: float, feedback: float, interval: float) -> Found | None:
         if not self.end.found(self._profile.present, feedback, now, interval):
             return None
-        return Event.END_DETECTED, Mark(feedback, max(FINEST, self.end.moved))
+        return Event.END_DETECTED, self.end.find(feedback)
 
     def _latched(self, now: float, feedback: float, interval: float) -> Found | Failure | None:
         """Return the latch beyond the row's edge or, without one, beyond the turning point."""
