@@ -205,7 +205,9 @@ class Axis(AxisRuns):
             machine.fail(jammed(behind, p.settling_tolerance))
         stood = 0.0 if failed else machine.movement.stood
         if stood > p.settling_tolerance and p.homes_on_mechanical_end:
-            machine.warn(f'{never_moved(stood).seen}: only an axis that began at its end does that')
+            machine.warn(
+                f'{never_moved(stood).seen}: only an axis that began at its end does that'
+            )
         elif stood > p.settling_tolerance:
             machine.fail(never_moved(stood))
         for text in readings.warnings(machine.passes.fine):
