@@ -456,15 +456,21 @@ class Hosts:
         return self.cable.run(host, arguments, log, ROS_DOMAIN_ID=str(self.domain.number))
 
     def home(self, moving=None):
-        """Home the line with the command `homing`; call a function once the far cell moves."""
+        """Home the line with the command `homing`; call a function once the far cell moves.
+
+        The cable may lose the far cell before it moves: then there is nothing to call.
+        """
         code = 'import sys; from homing_node.cli import main; sys.exit(main())'
         verb = ['-c', code, 'home', '--node', '/homing_coordinator']
         process = self.run(self.cable.near, 'client', verb)
         log = self.folder / 'client.log'
         try:
             if moving is not None:
-                ros.wait_for(lambda: 'cell2/z: HS' in log.read_text(), 60.0, log.read_text())
-                moving()
+                ros.wait_for(
+                    lambda: 'cell2/z: HS' in log.read_text() or process.poll() is not None, 60.0
+                )
+                if process.poll() is None:
+                    moving()
             process.wait(90.0)
         finally:
             process.kill()
