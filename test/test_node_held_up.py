@@ -91,16 +91,19 @@ def message_of(heard):
 def played(setpoints, joint, lost=0.0):
     """Return the commands of the model of the controller, until it rests: times and positions.
 
-    ``lost``: which part of the messages is lost: where a busy machine missed a cycle, too, none.
+    ``lost``: which part of the messages is lost: where a busy machine missed a cycle, too, none,
+    nor the last one before the pause: the node goes on from where that one leads to.
     Times count from the arrival of the last one, s.
     """
     chance = random.Random(1)
     messages = [message_of(heard) for heard in setpoints]
     gaps = [b.stamp - a.stamp for a, b in pairwise(messages)]
     missed = {gap for gap in gaps if gap > 1.5 * PERIOD * NS} - {max(gaps)}
+    last = gaps.index(max(gaps))
 
     def is_lost(number):
-        return chance.random() < lost and missed.isdisjoint(gaps[max(0, number - 2) : number + 2])
+        near = gaps[max(0, number - 2) : number + 2]
+        return chance.random() < lost and number != last and missed.isdisjoint(near)
 
     told = [(one.stamp + DELAY, one) for n, one in enumerate(messages) if not is_lost(n)]
     start = {}
@@ -110,14 +113,14 @@ def played(setpoints, joint, lost=0.0):
     controller = TrajectoryController(list(start), RATE)
     controller.activate(list(start.values()))
     place = list(start).index(joint)
-    now, last = told[0][0] - NS // RATE, told[-1][0]
+    now, end = told[0][0] - NS // RATE, told[-1][0]
     waiting, commands = list(reversed(told)), []
-    while now < last + 2 * NS:
+    while now < end + 2 * NS:
         while waiting and waiting[-1][0] <= now:
             assert controller.receive(waiting.pop()[1], now), controller.refused
         command = controller.update(now, [0.0] * len(start))
         assert command is not None
-        commands.append(((now - last) / NS, command.positions[place]))
+        commands.append(((now - end) / NS, command.positions[place]))
         now += NS // RATE
     return commands
 
