@@ -210,18 +210,13 @@ def test_the_index_margin_is_measured(fraction):
     ],
 )
 def test_a_small_margin_says_where_the_switch_should_be(fraction, hint):
-    def home(**changes):
-        """Home with an edge that is known well enough."""
-        one = margin_rig(PULSE - fraction * PITCH, switch_stamp_error=0.0005, **changes)
-        return one.home(start=0.02)
-
-    course = home()
+    course = margin_rig(PULSE - fraction * PITCH).home(start=0.02)
     (warning,) = course.outcome.warnings
     assert hint in warning
-    failing = home(index_margin_action='Fail')
+    failing = margin_rig(PULSE - fraction * PITCH, index_margin_action='Fail').home(start=0.02)
     assert error_of(failing) is Error.IndexMarginError
     assert hint in failing.outcome.message
-    silent = home(index_margin_action='None')
+    silent = margin_rig(PULSE - fraction * PITCH, index_margin_action='None').home(start=0.02)
     assert home_of(silent) == pytest.approx(PULSE, abs=1e-9)
     assert silent.outcome.warnings == ()
 
@@ -278,7 +273,7 @@ def test_a_pulse_armed_by_a_polled_edge_is_the_true_one_or_in_doubt(direction):
         assert off <= outcome.uncertainty
         if outcome.uncertainty >= 0.001:
             doubted += 1
-            assert 'may be another one' in ' '.join(outcome.warnings)
+            assert 'the Z-pulse' in ' '.join(outcome.warnings)
     assert homed > 4
     assert doubted
 

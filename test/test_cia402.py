@@ -130,7 +130,7 @@ def test_home_is_at_the_standards_edge_or_index_from_everywhere(number, start):
     assert abs(course.outcome.home_position_raw - home) <= course.outcome.uncertainty + 1e-9
 
 
-@grouped('start', EVERYWHERE[::3])
+@grouped('start', EVERYWHERE)
 @pytest.mark.parametrize(('number', 'image'), MIRRORED.items())
 def test_the_mirrored_method_homes_at_the_mirrored_place(number, image, start):
     parameters, layout = axis_of(number)

@@ -97,8 +97,11 @@ def done(value):
 class Thread:
     """An executor whose thread does at once what it is given."""
 
-    @staticmethod
-    def create_task(send):
+    def __init__(self):
+        self.sent = 0
+
+    def create_task(self, send):
+        self.sent += 1
         return done(send())
 
 
@@ -106,8 +109,17 @@ def calls_of(server):
     """Return calls without a graph, whose one server this is."""
     calls = Calls.__new__(Calls)
     calls._asked, calls._discovery = '/homing_node', 0.1
-    calls._clients, calls._executor = {'home (action)': server}, Thread
+    calls._clients, calls._executor = {'home (action)': server}, Thread()
     return calls
+
+
+def test_only_the_thread_that_takes_the_answers_sends_goals():
+    """Another one may be told of an answer before rclpy's client knows the request."""
+    server = Server()
+    server.result.set_result(SimpleNamespace(result='homed'))
+    calls = calls_of(server)
+    assert calls.act(None, 'home', None) == 'homed'
+    assert calls._executor.sent == 2  # the goal, and the request of its result
 
 
 def test_a_node_that_falls_silent_is_told_to_stop(monkeypatch):

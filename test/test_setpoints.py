@@ -26,6 +26,7 @@ from homing_node.ros.setpoints import (
     PositionSetpoints,
     TrajectorySetpoints,
 )
+from homing_node.ros.simulated.controller import ForwardedPositions
 from homing_node.ros.timebase import TimeBase
 
 PERIOD, LEAD = 0.004, 0.008
@@ -585,3 +586,15 @@ def test_an_array_has_both_sides_of_a_gantry():
     assert len(seen) > 100
     assert setpoints.message({}, 0.0) is None
     assert list(setpoints.hold({'y1': 1.0, 'y2_joint': 2.0}).data) == [2.0, 1.0]
+
+
+def test_a_position_that_is_forwarded_anew_has_no_velocity():
+    """A drive that comes on would go on with it, and stop by itself when nothing follows."""
+    controller = ForwardedPositions(['x'], 500.0, 0.002)
+    assert controller.take(Float64MultiArray(data=[0.1]), 0) == ''
+    assert controller.update(0) == {'x': (0.1, 0.0)}
+    assert controller.update(1) == {}
+    controller.repeat('x')
+    assert controller.update(2) == {'x': (0.1, 0.0)}
+    assert controller.take(Float64MultiArray(data=[0.2]), 3) == ''
+    assert controller.update(3) == {'x': (0.2, None)}  # as far as it went

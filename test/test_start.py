@@ -4,6 +4,7 @@
 import re
 import subprocess
 import sys
+import weakref
 from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +12,8 @@ from types import SimpleNamespace
 import pytest
 
 from homing_node import start
+from homing_node.parameters.definition import InvalidParameters
+from homing_node.ros import process
 from homing_node.version import version
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -94,3 +97,19 @@ def test_without_an_installation_the_version_is_not_known(monkeypatch):
 
     monkeypatch.setattr(metadata, 'version', missing)
     assert version() == 'unknown'
+
+
+def test_a_node_that_is_refused_goes_before_its_context(monkeypatch, capsys):
+    """One that outlived the interpreter crashed it: the middleware's threads still run."""
+    refused, left = [], []
+
+    class Half:
+        def __init__(self):
+            self.itself = self  # as the parts of a node refer to each other
+            refused.append(weakref.ref(self))
+            raise InvalidParameters(['x.travel: -1 m must be >= 1e-06'])
+
+    monkeypatch.setattr(process.rclpy, 'shutdown', lambda: left.append(refused[0]()))
+    assert process.made('homing_node', Half) is None
+    assert left == [None]
+    assert 'x.travel: -1 m' in capsys.readouterr().err

@@ -96,6 +96,16 @@ class Latches:
             + ' the travel at that edge',
         )
 
+    @staticmethod
+    def doubt_failure(edge: Mark, doubt: float) -> Failure:
+        """Return what is wrong with an edge that leaves a doubt of the Z-pulse."""
+        return Failure(
+            Error.IndexMarginError,
+            f'the edge that arms the Z-pulse is known to {edge.uncertainty:.3g} m, so that the '
+            f'Z-pulse may be another one, up to {doubt:.6g} m away',
+            'go over that edge more slowly, or move the switch',
+        )
+
     def found(
         self, events: Iterable[Event], origin: float, way: Way, feedback: float
     ) -> tuple[Event, Mark] | Failure | None:

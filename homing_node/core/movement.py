@@ -12,7 +12,7 @@ from ..parameters.axis import AxisParameters
 from ..procedures.events import Event
 from ..procedures.motions import Kind, Motion, Pace, Way
 from ..procedures.procedure import Row
-from ..procedures.states import Error, IndexMarginAction
+from ..procedures.states import IndexMarginAction
 from .latches import Latches
 from .mechanical_end import MechanicalEnd
 from .outcome import Failure
@@ -196,34 +196,20 @@ class Movement:
         if found is None or isinstance(found, Failure):
             return found
         if found[0] is Event.Z_PULSE and armed_by_edge:
-            return self._too_close(origin, way) or self._doubted(found, way)
+            return self._with_doubt(found, way)
         return found
 
-    def _doubted(self, found: Found, way: Way) -> Found | Failure:
-        """Return a Z-pulse with the doubt that the edge which armed it leaves."""
-        doubt = self.latches.doubt(self._cause, way)
-        if not doubt:
-            return found
-        failure = Failure(
-            Error.IndexMarginError,
-            f'the edge that arms the Z-pulse is known to {self._cause.uncertainty:.3g} m, so that '
-            f'the Z-pulse may be another one, up to {doubt:.6g} m away',
-            'go over that edge more slowly, or move the switch',
-        )
-        if self._parameters.index_margin_action is IndexMarginAction.Fail:
+    def _with_doubt(self, found: Found, way: Way) -> Found | Failure:
+        """Return a Z-pulse with the doubt that its arming edge leaves, or why it cannot count."""
+        edge, latches, action = self._cause, self.latches, self._parameters.index_margin_action
+        self.index_margin = margin = latches.margin(edge.position, way)
+        doubt = latches.doubt(edge, way)
+        failure = None if margin is None else latches.margin_failure(margin)
+        if failure is None and doubt:
+            failure = latches.doubt_failure(edge, doubt)
+        if failure is not None and action is IndexMarginAction.Fail:
             return failure
-        self._warn(f'{failure.seen}; {failure.hint}')
+        if failure is not None and action is IndexMarginAction.Warn:
+            self._warn(f'{failure.seen}; {failure.hint}')
         event, mark = found
         return event, Mark(mark.position, mark.uncertainty + doubt)
-
-    def _too_close(self, edge: float, way: Way) -> Failure | None:
-        """Return why the edge that armed the Z-pulse lies too close to a pulse, if that is so."""
-        action = self._parameters.index_margin_action
-        self.index_margin = margin = self.latches.margin(edge, way)
-        failure = None if margin is None else self.latches.margin_failure(margin)
-        if failure is None or action is IndexMarginAction.none:
-            return None
-        if action is IndexMarginAction.Warn:
-            self._warn(f'{failure.seen}; {failure.hint}')
-            return None
-        return failure

@@ -70,6 +70,7 @@ class JointOrder:
         if self._cycles > self._needed + self._valid:
             self._begun, self._failed = {}, ''
             return False
+        self._let_unpowered_go()
         if not self._failed:
             self._failed = self._moved()
             if self._failed:
@@ -79,15 +80,18 @@ class JointOrder:
     def _feedback(self) -> dict[str, float]:
         return {slot.joint: slot.held.raw_position for slot in self._slots}
 
+    def _let_unpowered_go(self) -> None:
+        """Take the place of a joint whose servo is off: nothing holds it, it comes to rest."""
+        for slot in self._slots:
+            if not slot.held.powered:
+                self._begun[slot.joint] = slot.held.raw_position
+                self.held[slot.joint] = slot.held.hold_position
+
     def _moved(self) -> str:
         """Return which joint has left its place, '' if none has."""
         limits = {slot.joint: _limit(slot.held) for slot in self._slots if slot.axis}
         least = min(limits.values())
         for joint, axis, held in self._slots:
-            if not held.powered:  # nothing holds it: its place is where it comes to rest
-                self._begun[joint] = held.raw_position
-                self.held[joint] = held.hold_position
-                continue
             by = abs(held.raw_position - self._begun[joint])
             if by > limits.get(joint, least):
                 return (
