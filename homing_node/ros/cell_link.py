@@ -31,7 +31,7 @@ from ..core.outcome import Outcome
 from ..procedures.states import Error
 from . import cell_messages
 from .adapting import mismatch
-from .locks import LATCHED
+from .latched import latched_publisher
 from .polling import Take, taker, waiting
 from .subscriptions import Subscriptions, qos
 
@@ -85,7 +85,7 @@ class CellLink:
         self._cancel = node.create_client(CancelGoal, f'{self.target}/home/_action/cancel_goal')
         self._parameters = node.create_client(GetParameters, f'{self.target}/get_parameters')
         self._triggers: dict[str, Any] = {}
-        self._locks = node.create_publisher(DiagnosticStatus, f'{self.target}/locks', LATCHED)
+        self._locks = latched_publisher(node, DiagnosticStatus, f'{self.target}/locks')
         claims = subscriptions.subscribe(
             DiagnosticStatus, f'{self.target}/locks', qos(latched=True, depth=10), False
         )

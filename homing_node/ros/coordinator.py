@@ -18,8 +18,6 @@ from homing_interfaces.msg import AxisState
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -35,6 +33,7 @@ from . import cell_messages, process
 from .axis_services import AxisServices, trigger
 from .cell_link import CellLink
 from .declaring_node import DeclaringNode
+from .latched import latched_publisher
 from .services import ACCEPTANCE
 from .subscriptions import Subscriptions
 from .waits import Waits
@@ -47,9 +46,6 @@ BEAT = 10
 STOP = 10.0
 #: How long the process stays after its last answer, s.
 LINGER = 0.2
-#: A publisher has two event handlers by default, and the executor looks at each whenever it wakes.
-WITHOUT_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class HomingCoordinator(DeclaringNode):
@@ -131,9 +127,7 @@ class HomingCoordinator(DeclaringNode):
         """Serve an axis, and follow its states."""
         if axis in self._state_topics:
             return
-        self._state_topics[axis] = self.create_publisher(
-            AxisState, f'~/{axis}/state', LATCHED, event_callbacks=WITHOUT_EVENTS
-        )
+        self._state_topics[axis] = latched_publisher(self, AxisState, f'~/{axis}/state')
         self._links[cell_of(axis)].watch(axis)
         serve = self._services_of_axes.serve
         serve(f'{axis}/home', partial(self._home, [axis], f'~/{axis}/home'))

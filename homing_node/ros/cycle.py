@@ -19,6 +19,7 @@ from .guarded_axis import GuardedAxis
 from .handovers import Handovers
 from .inputs import Inputs
 from .joint_order import JointOrder
+from .locks import Permissions
 from .outputs import Outputs
 from .polling import never_called
 from .readiness import FIRST_INSTANT
@@ -63,6 +64,7 @@ class Cycle:
         reports: Reports,
         waits: Waits,
         recorder: Recorder,
+        permissions: Permissions,
         logger: Any,
     ) -> None:
         """Keep the parts that a cycle works with.
@@ -83,6 +85,7 @@ class Cycle:
             reports: All that is published besides the setpoints.
             waits: The futures of the requests.
             recorder: The records of the runs.
+            permissions: What forbids axes to home from outside.
             logger: The logger of the node.
         """
         self._axes, self._period, self.timeout = axes, period, timeout
@@ -92,6 +95,7 @@ class Cycle:
         self._order, self._controllers, self._reports = order, controllers, reports
         self._handovers, self._outputs = handovers, outputs
         self._waits, self._recorder, self._logger = waits, recorder, logger
+        self._permissions = permissions
         self._lead = Lead(period)
         self._watched = 0.0
         self._stop_requested = False
@@ -183,6 +187,8 @@ class Cycle:
         if watching:
             self._watched = now
         with self._lock:
+            if watching:
+                self._permissions.poll()
             if not self._inputs_ignored:
                 try:
                     self._inputs.poll()

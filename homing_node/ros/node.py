@@ -16,7 +16,6 @@ from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -40,6 +39,7 @@ from .input_status import InputStatus
 from .inputs import Inputs
 from .jogging import Jogs
 from .joint_order import JointOrder
+from .latched import latched_publisher
 from .locks import Permissions
 from .markers import Markers
 from .memory import Memories
@@ -54,10 +54,6 @@ from .timebase import TimeBase
 from .waits import Waits
 
 OVERRIDABLE = QoSOverridingOptions([QoSPolicyKind[policy.upper()] for policy in POLICIES])
-
-
-def latched(depth: int) -> QoSProfile:
-    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class HomingNode(ConfiguredNode):
@@ -78,11 +74,12 @@ class HomingNode(ConfiguredNode):
         self._lock = threading.Lock()
         simulated = bool(self.get_parameter('use_sim_time').value)
         self._timebase = TimeBase(self._ros_time if simulated else None)
+        subscriptions = Subscriptions(self)
         self._inputs = Inputs(
             self._drives,
             self._joints,
             self._timebase,
-            Subscriptions(self),
+            subscriptions,
             lambda late: late_cycle(late, self._cycle.timeout),
             self._lock,
             checked.serialized,
@@ -110,7 +107,7 @@ class HomingNode(ConfiguredNode):
             else None
         )
         group = ReentrantCallbackGroup()
-        self.permissions = Permissions(self, checked.coordinated, self._lock, group)
+        self.permissions = Permissions(subscriptions, checked.coordinated)
         readiness = Readiness(
             lambda: self.faults,
             self._inputs,
@@ -161,6 +158,7 @@ class HomingNode(ConfiguredNode):
             self._reports,
             self._waits,
             self._recorder,
+            self.permissions,
             self.get_logger(),
         )
         self.serve_parameters()
@@ -203,21 +201,18 @@ class HomingNode(ConfiguredNode):
                     axis.stop(outcome.error, outcome.message)
 
     def _create_publishers(self) -> None:
-        self._outputs = Outputs(self, self.configuration.connections, latched(1), self._waits.call)
-
-        def per_axis(kind: Any, name: str, qos: Any) -> dict[str, Any]:
-            return {
-                axis: self.create_publisher(kind, f'~/{axis}/{name}', qos) for axis in self._axes
-            }
+        self._outputs = Outputs(self, self.configuration.connections, self._waits.call)
 
         publishers = Publishers(
-            states=per_axis(AxisState, 'state', latched(1)),
+            states={
+                axis: latched_publisher(self, AxisState, f'~/{axis}/state') for axis in self._axes
+            },
             outputs=self._outputs.sinks,
             joint_states=self.create_publisher(JointState, '~/joint_states', 10),
             diagnostics=self.create_publisher(DiagnosticArray, '/diagnostics', 1),
         )
         self._markers = Markers(
-            self.create_publisher(MarkerArray, '~/markers', latched(1)),
+            latched_publisher(self, MarkerArray, '~/markers'),
             self._axes,
             self._joints,
             self.configuration.marker_frame,

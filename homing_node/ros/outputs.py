@@ -15,12 +15,12 @@ from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool, Float64
 from std_srvs.srv import SetBool, Trigger
 
 from ..parameters.connections import Calls, Command, Connections, Output
 from ..parameters.definition import InvalidParameters
+from .latched import latched_publisher
 from .message_types import message_class
 
 #: The type of the topics that command interfaces of groups, and of the values of one group.
@@ -175,7 +175,6 @@ class Outputs:
         self,
         node: Node,
         connections: Mapping[str, Connections],
-        qos: QoSProfile,
         call: Callable[[Callable[[], object]], None],
     ) -> None:
         """Make the publishers and the clients.
@@ -183,7 +182,6 @@ class Outputs:
         Args:
             node: The node.
             connections: The connections of each axis.
-            qos: The QoS of the topics of the outputs.
             call: Lets the executor call a function.
 
         Raises:
@@ -212,7 +210,7 @@ class Outputs:
                     self._calls.append(one)
                     ways.append(partial(self._calling, one))
                 topic = f'~/{axis.replace(".", "/")}/{output}'
-                publisher = node.create_publisher(kind, topic, qos)
+                publisher = latched_publisher(node, kind, topic)
                 self.sinks[axis][output] = Sink(publisher, ways)
                 leader = self.sinks.get(axis.partition('.')[0])
                 if '.' in axis and leader:  # what the leader is told, its followers are told
