@@ -5,10 +5,10 @@ import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from homing_node.core.announcement import NS, Course, announcement, least_horizon
+from homing_node.core.announcement import NS, Announcer, Course, announcement, least_horizon
 from homing_node.core.path import state_at
 from homing_node.core.profile import Dynamics, Profile
 from homing_node.plant.controller import Point, between
@@ -26,8 +26,10 @@ def profile(cycles=0, jerk=10.0, order=lambda p: p.seek(0.05, FAST)):
 
 
 def told(*profiles, horizon=HORIZON, sign=1.0):
+    """Return the courses of some profiles, and the times and the states of their points."""
     courses = [Course(*one.announce(horizon), sign) for one in profiles]
-    return courses, announcement(courses, PERIOD, horizon)
+    times, rows = announcement(courses, PERIOD, horizon)
+    return courses, (times, [list(zip(*row, strict=True)) for row in rows])
 
 
 def test_the_points_stand_at_the_period_from_the_present():
@@ -95,7 +97,7 @@ def test_quintics_through_the_points_are_the_path(orders, jerk, horizon):
         for part in (0.25, 0.5, 0.75):
             time = a.time + round((b.time - a.time) * part)
             sampled = between(a.time, a, b.time, b, time)
-            p, v, acc = state_at(course.pieces, course.present + time / NS)
+            p, v, acc = state_at(course.path, course.present + time / NS)
             assert abs(sampled.positions[0] - p) <= 1e-6
             assert abs(sampled.velocities[0] - v) <= 1e-4
             assert abs(sampled.accelerations[0] - acc) <= max(jerk * 4e-5, 0.005)
@@ -139,8 +141,8 @@ def test_a_later_plan_leaves_the_announced_one_slowly(cycles, later):
         d = time / NS - newest
         if not later * PERIOD <= time / NS <= HORIZON:
             continue
-        before = state_at(course.pieces, course.present + time / NS)[0]
-        after = state_at(other.pieces, other.present + time / NS - later * PERIOD)[0]
+        before = state_at(course.path, course.present + time / NS)[0]
+        after = state_at(other.path, other.present + time / NS - later * PERIOD)[0]
         assert abs(after - before) <= 10.0 * max(d, 0.0) ** 3 / 3.0 + 1e-12
 
 
@@ -151,7 +153,7 @@ def test_after_missed_cycles_the_command_is_what_the_controller_has_come_to(elap
     time = course.present + PERIOD + LEAD + elapsed
     one.skip(elapsed)
     assert (one.position, one.velocity, one.acceleration) == pytest.approx(
-        state_at(course.pieces, time)
+        state_at(course.path, time)
     )
     for _ in range(200):
         one.update()
@@ -251,3 +253,46 @@ def test_a_stop_can_begin_where_the_axis_is():
 
 def test_the_least_horizon_reaches_two_messages_further():
     assert least_horizon(PERIOD, LEAD) == pytest.approx(LEAD + 3 * PERIOD)
+
+
+@settings(max_examples=max(1, settings.default.max_examples // 4))
+@given(
+    st.lists(
+        st.tuples(ORDERS, st.integers(0, 40), st.sampled_from([1.0, -1.0]), st.floats(-9.0, 9.0)),
+        min_size=1,
+        max_size=3,
+    )
+)
+def test_an_announcer_finds_the_points_that_the_plans_have(axes):
+    """Each cycle of some axes: while they speed up, keep their velocities, turn and rest."""
+    announcer = Announcer(PERIOD, HORIZON)
+    profiles = [Profile(PERIOD, 10.0, 0.3, LEAD) for _ in axes]
+    for cycle in range(80):
+        for one, (order, at, *_) in zip(profiles, axes, strict=True):
+            if cycle == at:
+                order(one)
+            one.update()
+        courses = [
+            Course(*one.announce(HORIZON), sign, offset)
+            for one, (_, _, sign, offset) in zip(profiles, axes, strict=True)
+        ]
+        times, rows = announcer.points(courses)
+        expected_times, expected = announcement(courses, PERIOD, HORIZON)
+        assert times == pytest.approx(expected_times, abs=1)  # ns
+        assert len(rows) == len(expected)
+        for row, right in zip(rows, expected, strict=True):
+            for values, those in zip(row, right, strict=True):
+                assert list(values) == pytest.approx(
+                    list(those), abs=3e-8
+                )  # a jerk of 10 for some ns
+
+
+def test_an_announcer_computes_the_shape_of_a_steady_message_once():
+    announcer, one = Announcer(PERIOD, HORIZON), profile(100)
+    first = announcer.points([Course(*one.announce(HORIZON))])
+    one.update()
+    second = announcer.points([Course(*one.announce(HORIZON))])
+    assert second.times is first.times
+    for a, b in zip(first.rows, second.rows, strict=True):
+        assert b.velocities is a.velocities
+        assert b.positions[0] - a.positions[0] == pytest.approx(0.05 * PERIOD)

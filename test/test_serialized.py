@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from homing_node.core.announcement import Row
 from homing_node.ros.serialized import (
     JointStateReader,
     PlainJointStateReader,
@@ -87,15 +88,15 @@ def test_a_joint_state_in_the_other_byte_order():
 
 
 NUMBER = st.floats(allow_nan=False) | st.just(1.0)
-STATES = st.tuples(NUMBER, NUMBER, NUMBER)
 
 
 @st.composite
 def trajectories(draw):
-    """Return names, a stamp, the times of some points and a row of states for each."""
+    """Return names, a stamp, the times of some points and a row for each."""
     names = draw(st.lists(NAMES, min_size=1, unique=True))
     times = draw(st.lists(st.integers(0, 3 * 10**9), min_size=1, max_size=4))
-    rows = [draw(st.lists(STATES, min_size=len(names), max_size=len(names))) for _ in times]
+    one_each = st.lists(NUMBER, min_size=len(names), max_size=len(names))
+    rows = [Row(draw(one_each), draw(one_each), draw(one_each)) for _ in times]
     return names, draw(st.integers(0, 2**31 * 10**9 - 1)), times, rows
 
 
@@ -109,9 +110,9 @@ def test_trajectories_are_written_as_rclpy_writes_them(cycles):
             joint_names=names,
             points=[
                 JointTrajectoryPoint(
-                    positions=[state[0] for state in row],
-                    velocities=[state[1] for state in row],
-                    accelerations=[state[2] for state in row],
+                    positions=row.positions,
+                    velocities=row.velocities,
+                    accelerations=row.accelerations,
                     time_from_start=Duration(sec=time // 10**9, nanosec=time % 10**9),
                 )
                 for time, row in zip(times, rows, strict=True)
@@ -125,7 +126,7 @@ def test_trajectories_are_written_as_rclpy_writes_them(cycles):
 
 def test_what_was_written_stays():
     writer = TrajectoryWriter()
-    first = writer.write(['x'], 1, [0], [[(1.0, 2.0, 3.0)]])
+    first = writer.write(['x'], 1, [0], [Row([1.0], [2.0], [3.0])])
     before = bytes(first)
-    writer.write(['x'], 2, [1], [[(4.0, 5.0, 6.0)]])
+    writer.write(['x'], 2, [1], [Row([4.0], [5.0], [6.0])])
     assert first == before

@@ -156,9 +156,9 @@ class Axis(AxisRuns):
 
     def course(self, horizon: float) -> Course:
         """Return what a controller is told: called after :meth:`update`, ``horizon`` in s."""
-        present, pieces = self.profile.announce(horizon)
         raw = self._sign * self.profile.position
-        return Course(present, pieces, self._sign, self.readings.wrapped(raw) - raw)
+        turns = self.readings.wrapped(raw) - raw
+        return Course(*self.profile.announce(horizon), self._sign, turns)
 
     # ------------------------------------------------------------------------------------- inside
 

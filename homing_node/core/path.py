@@ -40,6 +40,25 @@ class Piece(NamedTuple):
         return Piece(start + time, place + position, velocity, acceleration, jerk)
 
 
+class Stop(NamedTuple):
+    """A stop at the end of a path: when and where it begins, and how it goes on from 0.
+
+    ``pieces`` begin at time 0 and position 0; there are none where the axis is at rest already.
+    """
+
+    time: float
+    position: float
+    pieces: Sequence[Piece]
+
+    def moved(self, by: float) -> 'Stop':
+        """Return the stop further by a distance."""
+        return self._replace(position=self.position + by)
+
+    def path(self) -> list[Piece]:
+        """Return the pieces where they are."""
+        return [piece.moved(self.time, self.position) for piece in self.pieces]
+
+
 def state_at(pieces: Sequence[Piece], time: float) -> State:
     """Return the state of a path at a time; before its first piece that rests at its position."""
     for piece in reversed(pieces):

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from ruckig import ControlInterface, InputParameter, Ruckig, RuckigError, Trajectory
 
-from .path import SAME_TIME, Piece, State, state_at, until
+from .path import SAME_TIME, Piece, State, Stop, state_at, until
 
 #: Below this a velocity or a distance is ruckig's rounding, not a motion.
 TINY = 1e-12
@@ -114,7 +114,7 @@ class Profile:
         """Set the command to a position at rest."""
         self._time = 0.0  # of the newest command
         self._pieces: list[Piece] = []
-        self._announced: list[Piece] | None = None  # the stop that the controller was told last
+        self._announced: Stop | None = None  # what the controller was told last
         self._rest(0.0, position)
 
     def seek(self, velocity: float, dynamics: Dynamics) -> None:
@@ -208,7 +208,7 @@ class Profile:
         other._pieces = [piece.moved(0.0, by) for piece in self._pieces]
         other._changes = list(self._changes)
         if self._announced is not None:
-            other._announced = [piece.moved(0.0, by) for piece in self._announced]
+            other._announced = self._announced.moved(by)
         order = self._order
         if order is not None and order.position is not None:
             other._order = order._replace(position=order.position + by)
@@ -241,10 +241,10 @@ class Profile:
 
     # ---------------------------------------------------------------- what a controller is told
 
-    def announce(self, horizon: float) -> tuple[float, list[Piece]]:
-        """Return the time of the present and the path from there on that the controller is told.
+    def announce(self, horizon: float) -> tuple[float, list[Piece], Stop]:
+        """Return the present, the path from there on that the controller is told, and its stop.
 
-        The path is the plan up to ``horizon`` s from the present and then a stop with the
+        The path is the plan up to ``horizon`` s from the present; then the axis stops with the
         deceleration in use. Called after :meth:`update`: the present is that of its cycle, a
         period and ``lead`` before the newest command. The path also tells what lies before.
         """
@@ -254,8 +254,8 @@ class Profile:
         pieces, end = self._pieces, present + horizon
         last = pieces[-1]
         if last.velocity == 0.0 and (self._order is None or last.time <= end):
-            self._announced = []
-            return present, list(pieces)
+            self._announced = Stop(end, last.position, ())
+            return present, list(pieces), self._announced
         dynamics = self.dynamics
         for time, changed in self._changes:
             if time <= end:
@@ -267,8 +267,8 @@ class Profile:
             stop = Phase(dynamics, limit, limit, 0.0)
             self._tail = list(self._solve(0.0, (0.0, velocity, acceleration), stop))
             self._tail_of = start
-        self._announced = [piece.moved(end, position) for piece in self._tail]
-        return present, until(pieces, end) + self._announced
+        self._announced = Stop(end, position, self._tail)
+        return present, until(pieces, end), self._announced
 
     def skip(self, elapsed: float) -> None:
         """Let a time pass in which there was no cycle: the controller followed what it was told.
@@ -283,10 +283,10 @@ class Profile:
             self._rest(self._time, self.position)
         else:
             time = self._time + elapsed
-            if not told or time <= told[0].time:
+            if not told.pieces or time <= told.time:
                 self._go_to(time)
                 return
-            self._pieces = until(self._pieces, told[0].time) + told
+            self._pieces = until(self._pieces, told.time) + told.path()
             self._changes = []
             self._go_to(time)
         if order is None:

@@ -317,11 +317,18 @@ def _with_derivatives(point: Point, like: Point) -> Point:
 
 
 def message_of(
-    stamp: int, joints: Sequence[str], times: Sequence[int], rows: Sequence[Sequence[Values]]
+    stamp: int,
+    joints: Sequence[str],
+    times: Sequence[int],
+    rows: Sequence[Sequence[Sequence[float]]],
 ) -> Message:
-    """Make a message of points: their times in ns and, for each joint, its state."""
-    points = []
-    for time, row in zip(times, rows, strict=True):
-        positions, velocities, accelerations = zip(*row, strict=True)
-        points.append(Point(time, positions, velocities, accelerations))
+    """Make a message of points.
+
+    Args:
+        stamp: When the trajectory starts, ns; 0: when it is received.
+        joints: The names.
+        times: The time of each point from the start, ns.
+        rows: The positions, the velocities and the accelerations of the joints at each point.
+    """
+    points = [Point(time, *map(tuple, row)) for time, row in zip(times, rows, strict=True)]
     return Message(stamp, tuple(joints), tuple(points))

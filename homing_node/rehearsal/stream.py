@@ -14,8 +14,8 @@ from math import inf
 from operator import itemgetter
 from typing import NamedTuple
 
-from ..core.announcement import Course, announcement, least_horizon
-from ..core.path import State, state_at
+from ..core.announcement import Announcer, Course, Row, least_horizon
+from ..core.path import Piece, State, state_at
 from ..core.profile import Dynamics, Profile
 from ..plant.controller import (
     RECOMMENDED,
@@ -95,6 +95,11 @@ class Stream:
     parameters: JtcParameters = RECOMMENDED
     seed: int = 0
 
+    @property
+    def announced(self) -> float:
+        """How far the plan is told, s."""
+        return max(self.horizon, least_horizon(1.0 / self.node, self.lead))
+
 
 class Commanded(NamedTuple):
     """What the controller commanded for a time, and what was planned for it."""
@@ -110,21 +115,21 @@ class _Sender:
 
     how: Stream
     profile: Profile
+    announcer: Announcer
     messages: list[tuple[int, Message]] = field(default_factory=list)
-    plans: list[tuple[float, Course]] = field(default_factory=list)
+    plans: list[tuple[float, float, list[Piece]]] = field(default_factory=list)
     points: int = 0  # of the longest message
 
     def send(self, due: float, chance: random.Random) -> None:
         how, profile = self.how, self.profile
         period = 1.0 / how.node
-        horizon = max(how.horizon, least_horizon(period, how.lead))
-        course = Course(*profile.announce(horizon))
-        self.plans.append((due, course))
+        course = Course(*profile.announce(how.announced))
+        self.plans.append((due, course.present, course.path))
         if how.one_point:
-            state = profile.position, profile.velocity, profile.acceleration
-            message = message_of(0, JOINT, [round(period * NS)], [[state]])
+            row = Row([profile.position], [profile.velocity], [profile.acceleration])
+            message = message_of(0, JOINT, [round(period * NS)], [row])
         else:
-            times, rows = announcement([course], period, horizon)
+            times, rows = self.announcer.points([course])
             first = times[0] if how.stamped else 0
             stamp = EPOCH + round(due * NS) + first if how.stamped else 0
             message = message_of(stamp, JOINT, [time - first for time in times], rows)
@@ -137,15 +142,16 @@ class _Sender:
     def planned(self, time: float) -> State:
         """Return the state that was planned for a time."""
         at = bisect_right(self.plans, time - self.how.lead, key=itemgetter(0))
-        due, (present, pieces, *_) = self.plans[max(at - 1, 0)]
-        return state_at(pieces, present + time - due)
+        due, present, path = self.plans[max(at - 1, 0)]
+        return state_at(path, present + time - due)
 
 
 def run(how: Stream, orders: Orders, jerk: float, duration: float) -> tuple[list[Commanded], int]:
     """Run a stream from rest at 0; return what was commanded, and the points of a message."""
     period, chance, left = 1.0 / how.node, random.Random(how.seed), list(orders)
-    sender = _Sender(how, Profile(period, jerk, lead=how.lead))
-    profile, cycle, last = sender.profile, 0, -period
+    profile, announcer = Profile(period, jerk, lead=how.lead), Announcer(period, how.announced)
+    sender = _Sender(how, profile, announcer)
+    cycle, last = 0, -period
     while (due := cycle * period) < min(duration, how.end):
         cycle += 1
         if how.stall <= due < how.resume:

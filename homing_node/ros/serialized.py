@@ -19,11 +19,11 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from ..core.announcement import Row
+
 NS = 1_000_000_000
 #: The first bytes of a message in plain CDR of little endian byte order, and its numbers.
 LITTLE_ENDIAN = b'\x00\x01'
-#: The position, velocity and acceleration of each joint at a point.
-Row = Sequence[tuple[float, float, float]]
 STAMP, LENGTH = struct.Struct('<iI'), struct.Struct('<I')
 #: Marker whose bytes cannot occur in a name (UTF-8): its first occurrence is the first position.
 MARK = 1.0
@@ -109,16 +109,15 @@ class PlainTrajectoryWriter:
             names: The joints.
             stamp: When the trajectory starts, ns of ROS time; 0: when it is received.
             times: The time of each point from the start, ns.
-            rows: The states of the joints at each point, SI.
+            rows: The points, SI.
         """
         points = []
         for time, row in zip(times, rows, strict=True):
-            positions, velocities, accelerations = zip(*row, strict=True)
             points.append(
                 JointTrajectoryPoint(
-                    positions=positions,
-                    velocities=velocities,
-                    accelerations=accelerations,
+                    positions=row.positions,
+                    velocities=row.velocities,
+                    accelerations=row.accelerations,
                     time_from_start=Duration(sec=time // NS, nanosec=time % NS),
                 )
             )
@@ -149,10 +148,9 @@ class TrajectoryWriter:
         if frame is None:
             frame = self._frames[count] = _frame(names, count)
         numbers: list[float] = []
-        for time, row in zip(times, rows, strict=True):
+        for time, (positions, velocities, accelerations) in zip(times, rows, strict=True):
             if numbers:
                 numbers.append(joints)
-            positions, velocities, accelerations = zip(*row, strict=True)
             numbers += positions
             numbers.append(joints)
             numbers += velocities

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from ..core.announcement import announcement, least_horizon
+from ..core.announcement import Announcer, least_horizon
 from ..core.axis import Axis, Setpoint
 from ..core.outcome import Outcome
 from ..core.position_array import OtherJoint, PositionArray
@@ -83,9 +83,10 @@ class TrajectorySetpoints:
             create_publisher: Makes a publisher of a message type and a topic.
         """
         self._axes, self._joints = axes, checked.joints
-        self._period = 1.0 / checked.update_rate
-        least = max(checked.setpoint_horizon, least_horizon(self._period, checked.lead))
-        self._horizon = math.ceil(least / self._period - 1e-6) * self._period
+        period = 1.0 / checked.update_rate
+        least = max(checked.setpoint_horizon, least_horizon(period, checked.lead))
+        self._horizon = math.ceil(least / period - 1e-6) * period
+        self._announcer = Announcer(period, self._horizon)
         self._stamped = checked.setpoint_stamp is SetpointStamp.due
         self._stamps = Stamps(timebase)
         self._returning: set[str] = set()  # in the last cycle
@@ -104,7 +105,7 @@ class TrajectorySetpoints:
             return None
         names = [name for name in self._axes if name in moving or name in returning]
         courses = [self._axes[name].course(self._horizon) for name in names]
-        times, rows = announcement(courses, self._period, self._horizon)
+        times, rows = self._announcer.points(courses)
         first = stamp = 0
         if self._stamped:
             first = times[0]

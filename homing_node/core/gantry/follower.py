@@ -212,8 +212,8 @@ class Follower:
         """Return what a controller is told, as `Axis.course` does."""
         if self.profile is not None:
             return Course(*self.profile.announce(horizon), self.sign)
-        present, pieces = self._leader.profile.announce(horizon)
-        return Course(present, pieces, self.sign, self.sign * self.offset)
+        told = self._leader.profile.announce(horizon)
+        return Course(*told, self.sign, self.sign * self.offset)
 
     # ----------------------------------------------------------------------- for the gantry's run
 
