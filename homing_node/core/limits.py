@@ -279,6 +279,15 @@ def failure_of(response: Response, limit: Limit, second: bool, bounce_hint: str)
     return Failure(Error.LSTriggered, f'the {limit.name} rose{again}', bounce_hint)
 
 
+def ahead_again(bounce_hint: str) -> Failure:
+    """Return why a run ends whose axis meets a limit ahead after it has turned at one."""
+    return Failure(
+        Error.LSTriggered,
+        'a limit ahead was hit for the second time in this run',
+        bounce_hint or 'is the home switch between the limits, and does it hold its level?',
+    )
+
+
 class LimitSwitches:
     """The limit switches of a run: their levels, and where they rose and fell.
 

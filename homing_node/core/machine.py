@@ -15,9 +15,9 @@ from ..procedures.motions import Kind, Way
 from ..procedures.procedure import Row
 from ..procedures.states import Error, Input, State
 from ..procedures.steps import ENDS, HOME_SHIFT, HOME_SHIFT_MOVE, JOGGING, Step
+from . import limits
 from .ending import Ending
 from .latches import EVENTS
-from .limits import FAILS, Action, Limit, LimitSwitches, Response, Rise, failure_of, response_to
 from .movement import Movement
 from .outcome import Failure
 from .passes import Passes
@@ -105,7 +105,7 @@ class Machine:
         self.reference: Mark | None = None
         self.arrows: list[tuple[Step, Event]] = []
 
-        self._limits = LimitSwitches(parameters, switches, series)
+        self._limits = limits.LimitSwitches(parameters, switches, series)
         self._switches = SwitchEvents(parameters, switches, self._limits)
         self.movement = Movement(parameters, profile, now, feedback, self.warn)
         self.rules = Rules(parameters, now)
@@ -193,14 +193,15 @@ class Machine:
         if limit is None:
             return
         self._limits_contradict()
-        action, response = limit.action, response_to(limit, self._rise_of(limit))
-        if response is Response.ACT and action:
+        action, response = limit.action, limits.response_to(limit, self._rise_of(limit))
+        if response is limits.Response.ACT and action:
             self.ending.stop(action)
-        elif response is Response.BRAKE_HARDER and action:
+        elif response is limits.Response.BRAKE_HARDER and action:
             self.profile.brake_harder(action.deceleration or self.parameters.ls_dec)
-        elif response in FAILS:
+        elif response in limits.FAILS:
             second = self.reversed and limit.way is Way.TOWARD
-            self.fail(failure_of(response, limit, second, self._switches.bounce_hint), action)
+            hint = self._switches.bounce_hint
+            self.fail(limits.failure_of(response, limit, second, hint), action)
 
     def limit_falls(self, switch: Input) -> None:
         """Remember where a limit fell, so that its bounce is not taken for a rise."""
@@ -211,7 +212,7 @@ class Machine:
         self.seen.latch(source, position, self.now, self.profile.velocity)
         self.movement.latches.add(source, position)
 
-    def fail(self, failure: Failure, action: Action | None = None) -> None:
+    def fail(self, failure: Failure, action: limits.Action | None = None) -> None:
         """End the run with an error; the axis stops by an action, by default with ``ls_dec``.
 
         The first error stays. A harder stop that comes later takes over.
@@ -220,7 +221,7 @@ class Machine:
             hint = self._stuck_hint(failure.error) or failure.hint
             hint = hint and f'; {hint}'
             self._give_up(failure.error, f'{failure.seen} in {self.state}{hint}')
-        self.ending.stop(action or Action(self.parameters.ls_dec))
+        self.ending.stop(action or limits.Action(self.parameters.ls_dec))
 
     def warn(self, text: str) -> None:
         """Add a warning for the user, once."""
@@ -289,14 +290,7 @@ class Machine:
             self.seen.approach = cause
         if event is Event.LIMIT_AHEAD:
             if self.reversed:
-                self.fail(
-                    Failure(
-                        Error.LSTriggered,
-                        'a limit ahead was hit for the second time in this run',
-                        self._switches.bounce_hint
-                        or 'is the home switch between the limits, and does it hold its level?',
-                    )
-                )
+                self.fail(limits.ahead_again(self._switches.bounce_hint))
                 return
             self.reversed = True
             self.passes.forget()
@@ -354,12 +348,12 @@ class Machine:
 
     # ------------------------------------------------------------------------------- the switches
 
-    def _rise_of(self, limit: Limit) -> Rise:
+    def _rise_of(self, limit: limits.Limit) -> limits.Rise:
         """Return what the axis does at the moment when a limit rises."""
         motion, cause = self.row.motion, self._cause
         rests = self.paused or motion.kind is Kind.REST
         jogs, just_left = self.step is JOGGING, self._limits.bounces(limit.input, self.feedback)
-        return Rise(
+        return limits.Rise(
             velocity=self.profile.velocity,
             heading=Way.NONE if rests else self.movement.leg.way,
             stopping=self.ending.stopping,
