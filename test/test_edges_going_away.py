@@ -1,13 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Machines that home on the slow way back, and flags that are shorter than a bounce may be."""
 
+from dataclasses import replace
+
 import pytest
-from core_rig import DIRECTIONS, HS, HS_OFF_TYPES, LIMIT_AHEAD, error_of, home_of, on_side, rig
+from core_rig import (
+    DIRECTIONS,
+    HS,
+    HS_OFF_TYPES,
+    LIMIT_AHEAD,
+    TRUE_HOME,
+    assert_homed,
+    error_of,
+    home_of,
+    on_side,
+    rig,
+)
 
 from homing_node.check import Severity, check
 from homing_node.parameters.axis import axis_parameters
 from homing_node.plant.layout import AxisLayout, SwitchLayout
-from homing_node.procedures.states import Error, Input
+from homing_node.procedures.states import Error, HomeType, Input
+from homing_node.rehearsal.link import Transport
 from homing_node.rehearsal.run import Rehearsal, rehearse
 
 LOW, HIGH = -10.0, 10.0
@@ -63,6 +77,41 @@ def test_a_router_homes_where_its_switch_releases(axis):
     assert abs(course.outcome.home_position_raw - release) <= course.outcome.uncertainty + 1e-9
     reads = course.samples[-1].position - course.outcome.home_offset
     assert reads == pytest.approx(own['home_position'], abs=1e-6)
+
+
+#: What leaves open where a limit released, or an old feedback: the estimates of its rise and of
+#: its fall differ.
+UNSURE = {
+    'read 20 times a second': (Transport(poll_rate=20.0), (4, 7)),
+    'read 50 times a second': (Transport(poll_rate=50.0), (0, 5, 9)),
+    'an old feedback': (Transport(feedback_rate=50.0, feedback_delay=0.02), (3, 7)),
+}
+
+
+@pytest.mark.parametrize(('transport', 'seeds'), UNSURE.values(), ids=UNSURE)
+def test_a_limit_is_no_obstacle_to_the_home_at_its_own_edge(transport, seeds):
+    """Wherever between two readings the limit has released."""
+    for seed in seeds:
+        course = rig('LSOff').but(replace(transport, seed=seed)).home(start=0.05 + 0.00137 * seed)
+        assert_homed(course, TRUE_HOME[HomeType.LSOff])
+
+
+class SpringsBack(Rehearsal):
+    """A rehearsal of an axis that springs back as soon as it stops."""
+
+    def _send_feedback(self, time, position):
+        before, self.before = getattr(self, 'before', position), position
+        super()._send_feedback(time, position + 0.0003 * (position > before))
+
+
+def test_a_limit_is_not_driven_into_where_home_may_be_as_well():
+    """The stamps leave open where the axis was: home seems to lie where it was at the furthest."""
+    made = rig('LS').but(Transport(header_offset=-0.1)).rehearsal()
+    made.__class__ = SpringsBack
+    course = made.home(limit=60.0)
+    assert_homed(course, TRUE_HOME[HomeType.LS])
+    rests = course.samples[-1].position
+    assert rests == max(sample.position for sample in course.samples) < home_of(course)
 
 
 SLIDE = AxisLayout(

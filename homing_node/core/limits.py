@@ -130,7 +130,7 @@ class Situation(TextEnum):
     BRAKING_INTO = 'it moves into the limit, but brakes: to turn, to pause, or after the reference'
     INTO = 'it moves into the limit, or is about to'
     HOME_INTO = 'it moves to the home position, into the limit'
-    HOME_AT_ITS_EDGE = 'it moves to the home position, which is where this limit has fallen'
+    HOME_AT_ITS_EDGE = 'it moves to the home position, which is at the edge of this limit'
     JUST_LEFT = 'it moves away from the limit, which fell here a moment ago'
     AWAY = 'it moves away from the limit'
     AT_REST = 'it rests, or comes to rest away from the limit'
@@ -209,7 +209,7 @@ class Rise(NamedTuple):
         stopping: the run has ended, and the axis stops.
         braking: the axis brakes to turn, to pause, or because the reference was taken.
         to_home: the present motion goes to the home position.
-        at_its_edge: the axis has all but reached the home position, where this limit fell.
+        at_its_edge: the axis has all but reached the home position, at the edge of this limit.
         awaited: the present row has an arrow for this limit.
         turned_by_it: an edge of this limit led into the present row.
         just_left: the limit fell here a moment ago, so that its rise is a bounce.
@@ -330,6 +330,10 @@ class LimitSwitches:
         if limit and edge.rises and edge.way * limit.way > 0:
             self._rises[edge.input] = edge
 
+    def cleared(self, switch: Input) -> None:
+        """Forget where the axis came to a limit, because it has gone back to where it is off."""
+        self._rises.pop(switch, None)
+
     def left(self, switch: Input, feedback: float) -> None:
         """Remember where a limit fell."""
         self._left[switch] = feedback
@@ -366,15 +370,20 @@ class LimitSwitches:
             for limit in self._limits.values()
         )
 
-    def blocking(self, way: Way, home: bool, feedback: float) -> Limit | None:
+    def blocking(
+        self, way: Way, home: bool, feedback: float, near: Input | None = None
+    ) -> Limit | None:
         """Return the limit that forbids a motion, None if no limit does.
 
         Args:
             way: the way of the motion.
             home: whether it goes to the home position.
             feedback: the newest feedback, m or rad.
+            near: the limit at whose edge home is, and the axis all but there.
         """
         for limit in self._limits.values():
+            if home and limit.role is Role.REFERENCE and limit.input is near:
+                continue
             bars = limit.blocks_home if home else limit.role is Role.NORMAL and limit.action
             if limit.way is way and bars and self._reached(limit, feedback):
                 return limit

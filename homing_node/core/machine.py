@@ -13,7 +13,7 @@ from ..parameters.axis import AxisParameters
 from ..procedures.events import CONDITIONS, Event
 from ..procedures.motions import Kind, Way
 from ..procedures.procedure import Row
-from ..procedures.states import Error, Input, State
+from ..procedures.states import Error, Input, Role, State
 from ..procedures.steps import ENDS, HOME_SHIFT, HOME_SHIFT_MOVE, JOGGING, Step
 from . import limits
 from .ending import Ending
@@ -180,6 +180,8 @@ class Machine:
         ):
             undo.take_back(self)
         if event and event in self.row.on and self._switches.counts(edge, self.row):
+            if not edge.rises:
+                self._limits.cleared(edge.input)
             self._advance(event, edge)
         elif edge.rises and on and on in self.row.on and self._switches.on(edge.input):
             self._advance(on, edge)
@@ -342,9 +344,15 @@ class Machine:
                 self.profile.stop()
                 return
             movement.turn(way, self.now, self.feedback)
-        if not self._blocked(way):
-            self.rules.enter(self.row, self.profile.velocity, self.now)
-            movement.start(self.row, self._cause, target)
+        limit = self._blocking(way)
+        if limit is not None:
+            if not self._may_be_there(limit, target):
+                seen = f'the {limit.name} is on; a motion into it is not started'
+                self.fail(Failure(Error.LSTriggered, seen), limit.action)
+                return
+            target = self.profile.position
+        self.rules.enter(self.row, self.profile.velocity, self.now)
+        movement.start(self.row, self._cause, target)
 
     # ------------------------------------------------------------------------------- the switches
 
@@ -353,27 +361,30 @@ class Machine:
         motion, cause = self.row.motion, self._cause
         rests = self.paused or motion.kind is Kind.REST
         jogs, just_left = self.step is JOGGING, self._limits.bounces(limit.input, self.feedback)
+        there = max(self.feedback, self.profile.position)  # a feedback may be old
         return limits.Rise(
             velocity=self.profile.velocity,
             heading=Way.NONE if rests else self.movement.leg.way,
             stopping=self.ending.stopping,
             braking=rests or motion.way is Way.AWAY,
             to_home=motion.kind is Kind.HOME,
-            at_its_edge=self.passes.end_at_fall_of(limit.input, self.feedback),
+            at_its_edge=self.passes.near_edge_of(there) is limit.input,
             awaited=self._switches.awaits(self.row, limit, self.reversed),
             turned_by_it=isinstance(cause, Edge) and cause.input is limit.input,
             just_left=just_left,
             all_ls=self.parameters.all_ls_during_homing and not (just_left and jogs),
         )
 
-    def _blocked(self, way: Way) -> bool:
-        """Fail if a motion would go into a limit that is on; return whether it would."""
-        limit = self._limits.blocking(way, self.row.motion.kind is Kind.HOME, self.feedback)
-        if limit is None:
+    def _blocking(self, way: Way) -> limits.Limit | None:
+        """Return the limit that is on where a motion would go, None if none is."""
+        home, near = self.row.motion.kind is Kind.HOME, self.passes.near_edge_of(self.feedback)
+        return self._limits.blocking(way, home, self.feedback, near)
+
+    def _may_be_there(self, limit: limits.Limit, target: float) -> bool:
+        """Return whether the axis rests at home, as far as home is known, on the limit of home."""
+        if limit.role is not Role.REFERENCE or self.reference is None:
             return False
-        seen = f'the {limit.name} is on; a motion into it is not started'
-        self.fail(Failure(Error.LSTriggered, seen), limit.action)
-        return True
+        return abs(target - self.profile.position) <= self.reference.uncertainty
 
     def _limits_contradict(self) -> bool:
         """Fail if the levels of a pair of limits contradict each other; return whether they do."""

@@ -42,15 +42,18 @@ class Passes:
         self.fine.append(mark)
         return len(self.fine) < self._parameters.repeat
 
-    def end_at_fall_of(self, switch: Input, feedback: float) -> bool:
-        """Return whether the last pass ended at a switch's fall, and the axis is all but there."""
+    def near_edge_of(self, position: float) -> Input | None:
+        """Return the switch at whose edge the last pass ended, if a position is all but there.
+
+        Not of a type whose only pass is a fast one: a home that is uncertain may lie further
+        toward than the axis has been.
+        """
         edge = self.fine[-1] if self.fine else None
-        return (
-            isinstance(edge, Edge)
-            and edge.input is switch
-            and not edge.rises
-            and feedback >= edge.position - self._parameters.edge_agreement
-        )
+        if not isinstance(edge, Edge) or (edge.rises and self.coarse is None):
+            return None
+        short = edge.position - position
+        near = short <= self._parameters.edge_agreement + edge.uncertainty
+        return edge.input if near else None
 
     def _agree(self, one: Mark, another: Mark) -> bool:
         """Return whether two passes agree so well that no further one is needed."""

@@ -33,7 +33,7 @@ These rules hold for every table, so they stand once, in the core:
 - What the rise of a limit does, by role, end and motion, if the row has no arrow for it
   (core/limits.py).
 - A motion into a limit that is on is not started; two limits of a pair that are on together end
-  the run (``Machine._blocked``, ``Machine._limits_contradict``). There is one reversal in a run
+  the run (``Machine._blocking``, ``Machine._limits_contradict``). There is one reversal in a run
   (``Machine._advance``).
 - ``REPEAT`` replaces the arrow into ``HOME_SHIFT`` while passes are left (core/passes.py), and
   passes that disagree are no home.
