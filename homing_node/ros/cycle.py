@@ -29,7 +29,7 @@ from .setpoints import Setpoints
 from .timebase import Lead, TimeBase, wake_precisely
 from .waits import Waits
 
-#: How often the publishers of an input, and who listens, are counted, s.
+#: How often the publishers of the inputs are counted, s.
 WATCH_PERIOD = 0.1
 
 
@@ -192,7 +192,7 @@ class Cycle:
             if not self._inputs_ignored:
                 try:
                     self._inputs.poll()
-                    look = self._inputs.watch(self._period / WATCH_PERIOD)
+                    look = watching and self._inputs.watch()
                 except Exception as error:  # the axes must not miss the cycle
                     self._break_off(error)
             if self._stop_requested:

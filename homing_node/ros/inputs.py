@@ -7,7 +7,7 @@ looks at the graph and subscribes anew.
 """
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
 from sensor_msgs.msg import JointState
@@ -67,9 +67,8 @@ class Inputs:
         self._wired: dict[str, list[WiredInput]] = {name: [] for name in axes}
         self._feeds: dict[str, Feed] = {}
         self._polled: list[tuple[Take, Feed]] = []
-        self._topics: list[Feed] = []  # looked at in turn
-        self._due, self._turn = 0.0, 0
         self._looking = False
+        self._turns: Iterator[str] = iter(())  # the topics whose publishers are counted next
         self.joint_feedback = JointFeedback(serialized)
         self._joint_states: Any = None
         self._next_joint_states: Take = lambda: None
@@ -162,10 +161,9 @@ class Inputs:
             raise InvalidParameters(faults)
 
     def _order(self) -> None:
-        """Note what is polled, the feedback last, and what is watched."""
+        """Note what is polled: the feedback last."""
         fed = [feed for feed in self._feeds.values() if feed.subscription is not None]
         self._polled = [(f.take, f) for f in sorted(fed, key=lambda feed: feed.feeds_axes)]
-        self._topics = list(self._feeds.values())
 
     def _start(self, feed: Feed) -> list[str]:
         """Subscribe to a topic whose type is known; return what is wrong."""
@@ -212,20 +210,19 @@ class Inputs:
 
     # ----------------------------------------------------------------------------------- adapting
 
-    def watch(self, part: float) -> bool:
+    def watch(self) -> bool:
         """Note which topics have lost their publisher; return whether to look at the graph.
 
-        Args:
-            part: Which part of the topics is looked at; the next ones are the next time's. In a
-                graph of many nodes a topic takes some 100 µs.
+        Publishers that do not match are counted of one topic at a time: in a graph of many nodes
+        that takes some 100 µs.
         """
         wanted = False
-        self._due += min(part, 1.0) * len(self._topics)
-        while self._due >= 1.0:
-            self._due -= 1.0
-            self._turn = (self._turn + 1) % len(self._topics)
-            feed = self._topics[self._turn]
-            count, offered = feed.count(), self._graph.count(feed.topic)
+        turn = next(self._turns, None)
+        if turn is None:
+            self._turns = iter([*self._feeds])
+        for feed in self._feeds.values():
+            count = feed.count()
+            offered = self._graph.count(feed.topic) if feed.topic == turn else feed.offered
             if (count, offered) != (feed.publishers, feed.offered):
                 feed.publishers, feed.offered, feed.looked = count, offered, False
             if not count:
