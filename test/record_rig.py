@@ -29,7 +29,7 @@ class Recorded:
         self.made, self.warnings = made, []
         self.recorder = Recorder(
             '/homing_node',
-            {made.axis.name: made.axis.name},
+            {name: name.rpartition('.')[2] for name in made.axis.drives},
             '/joint_states',
             made.period,
             folder,
@@ -58,7 +58,9 @@ class Recorded:
             self._last = now
             self.state()
         if self.recorder.open:
-            self.recorder.cycle(made.time, {} if setpoint is None else {'x': setpoint})
+            told = {made.axis.name: setpoint}
+            told |= {one.name: one.setpoint for one in getattr(made.axis, 'followers', ())}
+            self.recorder.cycle(made.time, {} if setpoint is None else told)
 
     def home(self, write_every=20, most=100_000):
         """Home once, and write what was noted now and then."""

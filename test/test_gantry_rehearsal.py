@@ -303,13 +303,27 @@ def test_the_picture_has_both_sides_and_the_skew():
     assert {'leader', 'y.y2'} <= {text.get_text() for text in legend.get_texts()}
 
 
-def test_without_a_layout_the_picture_has_the_skew_since_the_start():
+@pytest.mark.parametrize(('square', 'last'), [(True, 0.0), (False, 1.0)])
+def test_without_a_layout_the_end_tells_what_is_square(square, last):
+    """Of a run that has homed: a stiff gantry stays out of square by what it says."""
+    _, course = rehearse(layout(0.001), parameters(square=square))
+    curve = skew_in(plot.figure(course))
+    assert curve[0] == pytest.approx(1.0, abs=0.07)
+    assert curve[-1] == pytest.approx(last, abs=0.07)
+
+
+def test_without_a_layout_and_a_home_the_picture_has_the_skew_since_the_start():
     _, course = rehearse(layout(0.001), parameters())
-    sheet = plot.figure(course)
+    course.outcome = None
+    curve = skew_in(plot.figure(course))
+    assert curve[0] == 0.0 and curve[-1] == pytest.approx(-1.0, abs=0.07)
+
+
+def skew_in(sheet):
+    """Return the skew that a picture shows, mm."""
     (skew,) = (axes for axes in sheet.axes if axes.get_ylabel().startswith('skew'))
-    curve = next(line for line in skew.get_lines() if line.get_color() == COLOURS[0])
-    assert curve.get_ydata()[0] == 0.0
-    assert curve.get_ydata()[-1] == pytest.approx(-1.0, abs=0.07)
+    (curve,) = (line for line in skew.get_lines() if line.get_color() == COLOURS[0])
+    return curve.get_ydata()
 
 
 @pytest.mark.parametrize('suffix', ['.npz', '.csv'])

@@ -115,8 +115,21 @@ def test_a_trip_at_rest_switches_all_servos_off(side):
     gantry.axis.followers[0].enable(True)
     assert gantry.home().error is Error.NoError
     gantry.drives[side].enable(False)
+    gantry.cycle()
     assert not gantry.axis.homed and not gantry.axis.servo_on
     assert gantry.axis.refusal(gantry.time).error is Error.ServoOff
+
+
+@SIDES
+def test_what_a_publisher_has_kept_of_the_servo_is_no_trip(side):
+    """A node that starts gets it at once: the drive is on again, and only the home is lost."""
+    gantry = Gantry('HSHS', switches=SERVO)
+    assert gantry.home().error is Error.NoError
+    for enabled in (True, False, True):
+        gantry.drives[side].enable(enabled)
+    gantry.cycle()
+    assert gantry.axis.servo_on and not gantry.axis.homed
+    assert gantry.home().error is Error.NoError
 
 
 # ------------------------------------------------------------------------------------- the stop

@@ -470,7 +470,7 @@ def test_a_disk_that_hangs_costs_no_memory(tmp_path):
         made.axis.readings.switches[Input.HOME_SWITCH].set(number, True, -float(number))
         recorded.recorder.cycle(made.time, {})
     taken = tap.take()
-    assert len(taken.readings) == MOST_WAITING
+    assert len(taken.drives[0].readings) == MOST_WAITING
     assert sum(map(len, taken.cycles)) == most
 
 
@@ -482,10 +482,11 @@ def test_feedback_that_nobody_takes_is_bounded(tmp_path):
     track = made.axis.readings.track
     for number in range(MOST_WAITING + 100):
         track.append(made.time + made.period * (number + 1), 1e-6 * number)
-        tap.gather()
+        tap.drives[0].gather()
     taken = tap.take()
-    assert len(taken.feedback) == 2 * MOST_WAITING and tap.lost == 101
-    times = list(taken.feedback[::2])
+    (drive,) = taken.drives
+    assert len(drive.feedback) == 2 * MOST_WAITING and tap.lost == 101
+    times = list(drive.feedback[::2])
     assert times == sorted(set(times))
 
 

@@ -167,22 +167,40 @@ def _rehearsed(
     parameters = found.configuration.axes[found.axis]
     if not found.course.samples:
         return None, ['the run has no setpoints: no rehearsal']
+    followers = found.configuration.followers.get(found.axis, {})
     where = place_of(
-        arguments.layout, layout, found.axis, parameters, f'the record {arguments.record}'
+        arguments.layout,
+        layout,
+        found.axis,
+        parameters,
+        f'the record {arguments.record}',
+        followers,
     )
-    start = found.course.samples[0].feedback
-    low, high = where.hard_stops
-    if not low <= start <= high:
-        unit = parameters.unit
-        text = f'the run began at {start:g} {unit}, beyond the hard stops of the layout'
-        return None, [f'{text}: no rehearsal']
+    sides = {found.axis: (found.course, where)} | {
+        name: (found.course.followers[name], where.followers[name]) for name in followers
+    }
+    starts = {name: course.samples[0].feedback for name, (course, _) in sides.items()}
+    for name, (_, side) in sides.items():
+        low, high = side.hard_stops
+        if not low <= starts[name] <= high:
+            unit = parameters.unit
+            what = 'the run' if name == found.axis else name
+            text = f'{what} began at {starts[name]:g} {unit}, beyond the hard stops of the layout'
+            return None, [f'{text}: no rehearsal']
+    where = where._replace(
+        start=starts[found.axis],
+        followers={
+            name: side._replace(start=starts[name]) for name, side in where.followers.items()
+        },
+    )
     timing = Timing(
         update_rate=found.configuration.update_rate,
         feedback_rate=layout.feedback_rate,
         latency=Timing().latency if layout.dead_time is None else layout.dead_time,
         lead=found.configuration.lead,
     )
-    course = rehearse_from(parameters, where, transport_of(timing), start, found.axis).course
+    transport = transport_of(timing)
+    course = rehearse_from(parameters, where, transport, where.start, found.axis, followers).course
     return course, differences(found.course, course, parameters.unit)
 
 

@@ -18,6 +18,7 @@ from .home_watch import HomeWatch
 from .limits import Action
 from .machine import Machine
 from .outcome import Failure
+from .remembered import Seen
 from .settling import Rest, jammed, never_moved
 
 #: The velocity of an axis that does not follow is the mean over this time, s.
@@ -37,6 +38,11 @@ class Axis(AxisRuns):
     def drives(self) -> Mapping[str, Any]:
         """What receives the messages of each of its drives, by full name; one but for a gantry."""
         return {self.name: self}
+
+    @property
+    def seen_by_drive(self) -> Mapping[str, Seen]:
+        """The edges and latches of each drive in the run in progress, by full name."""
+        return {} if self.machine is None else {self.name: self.machine.seen}
 
     def enable(self, enabled: bool) -> None:
         """Record the drive's own servo state; a servo that goes off ends a run."""

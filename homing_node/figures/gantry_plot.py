@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import cycle
+from math import isfinite
 from typing import NamedTuple
 
 from matplotlib.artist import Artist
@@ -23,26 +24,57 @@ SMALL_SKEW = 1e-4
 
 
 class Side(NamedTuple):
-    """A follower as it is drawn: in the leader's coordinates, square at the leader's place."""
+    """A follower as it is drawn: in the leader's coordinates, square at the leader's place.
+
+    Attributes:
+        name: Its full name.
+        course: What it did.
+        layout: Where things are on its side, if that is known.
+        colour: Its colour.
+        apart: How far it is ahead of the leader where it is drawn at the leader's place.
+    """
 
     name: str
     course: Course
     layout: AxisLayout | None
     colour: str
+    apart: float
 
     def place(self, raw: float) -> float:
         """Return where a raw position is drawn."""
-        apart = 0.0 if self.layout is None else self.layout.square_at
-        return (-raw if self.course.mirrored else raw) - apart
+        return (-raw if self.course.mirrored else raw) - self.apart
 
 
 def sides_of(course: Course, layout: AxisLayout | None) -> list[Side]:
     """Return the followers of a course."""
     known = {} if layout is None else layout.followers
     return [
-        Side(name, other, known.get(name), colour)
+        Side(name, other, known.get(name), colour, _apart(course, name, known.get(name)))
         for (name, other), colour in zip(course.followers.items(), cycle(COLOURS), strict=False)
     ]
+
+
+def _apart(course: Course, name: str, layout: AxisLayout | None) -> float:
+    """Return how far a follower is ahead of the leader where the gantry is square.
+
+    The layout knows it; else the run that has homed, at its end. Without both it is where the
+    follower was at the start.
+    """
+    if layout is not None:
+        return layout.square_at
+    other = course.followers[name]
+    sign = -1.0 if other.mirrored else 1.0
+    ahead = [
+        sign * one.feedback - leader.feedback
+        for one, leader in zip(other.samples, course.samples, strict=True)
+    ]
+    ahead = [each for each in ahead if isfinite(each)] or [0.0]
+    outcome = course.outcome
+    if outcome is None or not outcome.success:
+        return ahead[0]
+    short = name.rpartition('.')[2]
+    squareness = {one.name: one.squareness for one in outcome.members}
+    return ahead[-1] + squareness[short] if short in squareness else ahead[0]
 
 
 def draw_followers(axes: Axes, sides: Sequence[Side], begin: float, k: float) -> list[Artist]:
@@ -76,10 +108,11 @@ def draw_followers(axes: Axes, sides: Sequence[Side], begin: float, k: float) ->
 
 
 def draw_skew(axes: Axes, course: Course, sides: Sequence[Side], begin: float, unit: str) -> None:
-    """Draw how far each follower is ahead of the leader: of square, where that is known."""
+    """Draw how far each follower is ahead of the leader: out of square, where that is known."""
     times = [sample.time - begin for sample in course.samples]
     lines = [list(_ahead(course, side)) for side in sides]
-    largest = max((abs(value) for line in lines for value in line), default=0.0) or 1e-6
+    known = [abs(value) for line in lines for value in line if isfinite(value)]
+    largest = max(known, default=0.0) or 1e-6
     k, shown = (1e3, 'mm') if unit == 'm' else (1.0, unit)
     if unit == 'm' and largest < SMALL_SKEW:
         k, shown = 1e6, 'µm'
@@ -96,12 +129,8 @@ def draw_skew(axes: Axes, course: Course, sides: Sequence[Side], begin: float, u
 
 def _ahead(course: Course, side: Side) -> Iterator[float]:
     """Yield how far a follower is ahead of the leader, in each cycle."""
-    ahead = [
-        side.place(one.feedback) - leader.feedback
-        for one, leader in zip(side.course.samples, course.samples, strict=True)
-    ]
-    square = 0.0 if side.layout is not None or not ahead else ahead[0]
-    return (each - square for each in ahead)
+    for one, leader in zip(side.course.samples, course.samples, strict=True):
+        yield side.place(one.feedback) - leader.feedback
 
 
 def _draw_force(axes: Axes, newton: float) -> None:
@@ -121,4 +150,5 @@ def _edges(side: Side, begin: float) -> Iterator[tuple[Happening, bool]]:
     for one in side.course.happenings:
         if one.time >= begin and Input(one.input) not in LATCHES:
             flag = side.layout.switches.get(one.input) if side.layout is not None else None
-            yield one, bool(one.value) is not (flag is not None and flag.inverted)
+            inverted = one.input in side.course.inverted if flag is None else flag.inverted
+            yield one, bool(one.value) is not inverted

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cycles of the node while runs are recorded: their times, and the setpoints of all axes.
+"""The cycles of the node while runs are recorded: their times, and the setpoints of all drives.
 
 They are packed at once: what lies scattered in memory costs a multiple when it is looked at later.
 """

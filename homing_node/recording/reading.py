@@ -19,7 +19,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
-from ..core.outcome import Outcome
+from ..core.outcome import MemberHome, Outcome
 from ..course import Course, Happening, Sample
 from ..procedures.states import LATCHES, Error, Input, State
 from .run_file import (
@@ -35,6 +35,8 @@ from .run_file import (
 
 KINDS = (AXIS_STATE, BOOL, FLOAT64, JOINT_STATE, JOINT_TRAJECTORY, STRING, SWITCH_EDGE)
 NS = 1e-9
+#: Setpoints of one cycle have times that differ by less, s.
+SAME_CYCLE = 1e-6
 
 
 class NoRun(ValueError):
@@ -176,6 +178,9 @@ def _run_of(found: Contents, path: Path, axis: str) -> RunRecord:
         if any(one.message.axis == axis for one in messages)
     )
     course = _course(found, node, axis, about.get('joint', ''), states[axis])
+    for name in about.get('mirrored', '').split():
+        if name in course.followers:
+            course.followers[name].mirrored = True
     ended = course.outcome is not None
     begun = datetime.fromtimestamp(states[axis][0].logged, timezone.utc)
     title = f'{axis}: {about.get("home_type", "")} recorded {begun:%Y-%m-%d %H:%M:%S} UTC'
@@ -209,19 +214,47 @@ def _parameters(found: Contents, axis: str) -> str:
 
 
 def _course(found: Contents, node: str, axis: str, joint: str, states: list[Stamped]) -> Course:
-    """Return the last run of an axis."""
+    """Return the last run of an axis, with those of its followers."""
     run, after = _last_run(states)
-    joint = joint or _joint(found, axis)
+    span = run[0].logged if run else 0.0, after.logged if after else np.inf
+    course = _course_of(found, node, axis, joint or _joint(found, axis), states, span)
+    course.outcome = None if after is None else _outcome(after.message)
+    for member in states[-1].message.members[1:]:
+        name = f'{axis}.{member.name}'
+        other = _course_of(found, node, name, member.joint, states, span)
+        other.samples = _at_times_of(course.samples, other.samples)
+        course.followers[name] = other
+    return course
+
+
+def _course_of(
+    found: Contents,
+    node: str,
+    name: str,
+    joint: str,
+    states: list[Stamped],
+    span: tuple[float, float],
+) -> Course:
+    """Return what a drive has done from one time to another; ``name``: its full name."""
     feedback = _feedback(found, joint, f'{node}/joint_states')
-    inverted = _inverted(found, axis)
-    begin = run[0].logged if run else 0.0
-    end = after.logged if after else np.inf
-    samples = list(_samples(found, joint, feedback, states, begin, end))
+    inverted = _inverted(found, name)
+    samples = list(_samples(found, joint, feedback, states, *span))
     happenings = [
-        one for one in _happenings(found, axis, feedback, inverted) if begin <= one.time <= end
+        one
+        for one in _happenings(found, name, feedback, inverted)
+        if span[0] <= one.time <= span[1]
     ]
-    outcome = None if after is None else _outcome(after.message)
-    return Course(samples, happenings, outcome, inverted=inverted)
+    return Course(samples, happenings, inverted=inverted)
+
+
+def _at_times_of(leader: Sequence[Sample], own: Sequence[Sample]) -> list[Sample]:
+    """Return a sample of a follower for each of the leader's: the one of the same cycle."""
+    by_time = {round(one.time / SAME_CYCLE): one for one in own}
+    nothing = Sample(np.nan, '', np.nan, np.nan, np.nan, np.nan)
+    return [
+        by_time.get(round(one.time / SAME_CYCLE), nothing)._replace(time=one.time, state=one.state)
+        for one in leader
+    ]
 
 
 def _last_run(states: Sequence[Stamped]) -> tuple[list[Stamped], Stamped | None]:
@@ -308,30 +341,39 @@ def _samples(
             )
 
 
-def _inverted(found: Contents, axis: str) -> frozenset[str]:
-    """Return the switches whose level on the wire is not that of the state."""
+def _inverted(found: Contents, name: str) -> frozenset[str]:
+    """Return the switches of a drive whose level on the wire is not that of the state."""
+    axis, _, follower = name.partition('.')
     wire = {
         topic.rpartition('/')[2]: messages[0].message.data
         for topic, messages in found.of(BOOL)
-        if topic.rpartition('/')[0].endswith(f'/{axis}')
+        if topic.rpartition('/')[0].endswith(_path(name))
     }
+    of_side = f'{follower}.' if follower else ''
     for _, states in found.of(AXIS_STATE):
         for one in states:
             if one.message.axis == axis:
                 levels = dict(zip(one.message.inputs, one.message.levels, strict=False))
                 return frozenset(
-                    name for name, level in wire.items() if levels.get(name) == int(not level)
+                    source
+                    for source, level in wire.items()
+                    if levels.get(f'{of_side}{source}') == int(not level)
                 )
     return frozenset()
 
 
+def _path(name: str) -> str:
+    """Return the part of the topics of an axis, or of a follower by its full name."""
+    return f'/{name.replace(".", "/")}'
+
+
 def _happenings(
-    found: Contents, axis: str, feedback: Places, inverted: frozenset[str]
+    found: Contents, drive: str, feedback: Places, inverted: frozenset[str]
 ) -> Iterator[Happening]:
     """Yield the edges as the run has found them, else the changes of the inputs."""
     located: set[str] = set()
     for topic, messages in found.of(SWITCH_EDGE):
-        if topic.endswith(f'/{axis}/edges'):
+        if topic.endswith(f'{_path(drive)}/edges'):
             for one in messages:
                 edge = one.message
                 located.add(edge.input)
@@ -341,7 +383,7 @@ def _happenings(
     for kind in (BOOL, FLOAT64):
         for topic, messages in found.of(kind):
             name = topic.rpartition('/')[2]
-            if name not in inputs - located or not topic.endswith(f'/{axis}/{name}'):
+            if name not in inputs - located or not topic.endswith(f'{_path(drive)}/{name}'):
                 continue
             latch = Input(name) in LATCHES
             before = None if latch else messages[0].message.data
@@ -365,4 +407,8 @@ def _outcome(state: Any) -> Outcome:
         home_position_raw=state.home_position_raw,
         home_offset=state.home_offset,
         uncertainty=state.uncertainty,
+        members=tuple(
+            MemberHome(**{name: getattr(one, name) for name in MemberHome._fields})
+            for one in state.members
+        ),
     )

@@ -2,16 +2,18 @@
 """The file of one run: which topics it has, and what becomes of what the tap has noted."""
 
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, BinaryIO, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..parameters.axis import AxisParameters
+from ..parameters.gantry import is_mirrored
 from ..procedures.states import LATCHES, Input
 from .cycles import Cycles
 from .mcap_file import McapFile
-from .tap import Found, Reading, Taken
+from .tap import DriveTaken, Found, Reading, Taken
 from .template import Template
 
 JOINT_TRAJECTORY = 'trajectory_msgs/msg/JointTrajectory'
@@ -24,6 +26,12 @@ SWITCH_EDGE = 'homing_interfaces/msg/SwitchEdge'
 ABOUT, OUTCOME = 'homing_node', 'outcome'
 #: The numbers of a setpoint.
 SETPOINT = 'position', 'velocity', 'acceleration'
+
+
+def mirrored(leader: AxisParameters, followers: Mapping[str, AxisParameters]) -> dict[str, str]:
+    """Return what the metadata tell of followers that count the other way round."""
+    names = [name for name, one in followers.items() if is_mirrored(leader, one)]
+    return {'mirrored': ' '.join(names)} if names else {}
 
 
 class Messages(Protocol):
@@ -59,7 +67,7 @@ class About(NamedTuple):
     Attributes:
         node: The full name of the node.
         axis: The axis.
-        joint: The joint of the axis.
+        joints: The joint of the axis, and then of each follower, by their full names.
         feedback: The full name of the topic `joint_states`.
         ahead: How long after its cycle the axis shall be at a setpoint, s.
         offset: How much stamps are ahead of the time of the core, ns.
@@ -69,7 +77,7 @@ class About(NamedTuple):
 
     node: str
     axis: str
-    joint: str
+    joints: Mapping[str, str]
     feedback: str
     ahead: float
     offset: int
@@ -95,8 +103,8 @@ class RunFile:
         self._file, self._about, self._messages = file, about, messages
         self._mcap = McapFile(file, f'homing_node {about.values.get("version", "")}'.strip())
         self._mcap.metadata(ABOUT, about.values)
-        self._setpoint = messages.setpoint(about.joint)
-        self._feedback = messages.feedback(about.joint)
+        self._setpoint = {name: messages.setpoint(joint) for name, joint in about.joints.items()}
+        self._feedback = {name: messages.feedback(joint) for name, joint in about.joints.items()}
         self._channels: dict[str, int] = {}
         self._private = f'{about.node}/{about.axis}'
         begin = int(self._stamps(begun))
@@ -109,14 +117,8 @@ class RunFile:
         Raises:
             OSError: It cannot be written.
         """
-        for cycles in taken.cycles:
-            self._write_setpoints(cycles)
-        if taken.feedback:
-            self._write_feedback(taken.feedback, taken.sign)
-        for source in dict.fromkeys(reading.source for reading in taken.readings):
-            readings = [one for one in taken.readings if one.source is source]
-            self._write_readings(source, readings)
-        self._write_edges(taken.found)
+        for drive in taken.drives:
+            self._write_drive(drive, taken.cycles)
         for stamp, state in taken.states:
             channel = self._channel(f'{self._private}/state', AXIS_STATE)
             self._mcap.add(channel, stamp, stamp, state.serialized())
@@ -143,32 +145,42 @@ class RunFile:
             self._channels[topic] = self._mcap.topic(topic, kind, self._messages.text(kind))
         return self._channels[topic]
 
-    def _write_setpoints(self, cycles: Cycles) -> None:
-        times, numbers = cycles.of(self._about.axis)
+    def _write_drive(self, drive: DriveTaken, cycles: Sequence[Cycles]) -> None:
+        name = drive.name
+        private = f'{self._about.node}/{name.replace(".", "/")}'
+        for some in cycles:
+            self._write_setpoints(name, some)
+        if drive.feedback:
+            self._write_feedback(name, drive.feedback, drive.sign)
+        for source in dict.fromkeys(reading.source for reading in drive.readings):
+            readings = [one for one in drive.readings if one.source is source]
+            self._write_readings(private, source, readings)
+        for one in drive.found:
+            channel = self._channel(f'{private}/edges', SWITCH_EDGE)
+            stamp = int(self._stamps(one.time))
+            self._mcap.add(channel, stamp, stamp, self._messages.edge(stamp, one))
+
+    def _write_setpoints(self, name: str, cycles: Cycles) -> None:
+        times, numbers = cycles.of(name)
         if not len(times):
             return
         channel = self._channel(f'{self._about.node}/setpoints', JOINT_TRAJECTORY)
         stamps = self._stamps(times + self._about.ahead)
         columns = dict(zip(SETPOINT, numbers, strict=True))
-        self._mcap.add_block(channel, self._stamps(times), stamps, self._setpoint, columns)
+        template = self._setpoint[name]
+        self._mcap.add_block(channel, self._stamps(times), stamps, template, columns)
 
-    def _write_feedback(self, packed: 'array[float]', sign: float) -> None:
+    def _write_feedback(self, name: str, packed: 'array[float]', sign: float) -> None:
         times, positions = np.frombuffer(packed).reshape(-1, 2).T
         stamps = self._stamps(times)
         channel = self._channel(self._about.feedback, JOINT_STATE)
         columns = {'position': positions * sign}
-        self._mcap.add_block(channel, stamps, stamps, self._feedback, columns)
+        self._mcap.add_block(channel, stamps, stamps, self._feedback[name], columns)
 
-    def _write_readings(self, source: Input, readings: list[Reading]) -> None:
+    def _write_readings(self, private: str, source: Input, readings: list[Reading]) -> None:
         stamps = self._stamps([one.now for one in readings])
         values = np.array([one.value for one in readings])
         latch = source in LATCHES
         template = self._messages.latched if latch else self._messages.level
-        channel = self._channel(f'{self._private}/{source}', FLOAT64 if latch else BOOL)
+        channel = self._channel(f'{private}/{source}', FLOAT64 if latch else BOOL)
         self._mcap.add_block(channel, stamps, stamps, template, {'data': values}, stamped=False)
-
-    def _write_edges(self, found: list[Found]) -> None:
-        for one in found:
-            channel = self._channel(f'{self._private}/edges', SWITCH_EDGE)
-            stamp = int(self._stamps(one.time))
-            self._mcap.add(channel, stamp, stamp, self._messages.edge(stamp, one))

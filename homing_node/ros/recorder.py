@@ -26,7 +26,7 @@ from .record_messages import RecordMessages
 from .timebase import TimeBase
 
 try:
-    from ..recording.run_file import About, RunFile
+    from ..recording.run_file import About, RunFile, mirrored
 except ImportError as error:  # mcap is on PyPI only
     MISSING = str(error)
 else:
@@ -80,7 +80,7 @@ class Recorder:
 
         Args:
             node: The full name of the node.
-            joints: The joint of each axis.
+            joints: The joint of each drive.
             feedback: The full name of the topic of the joint states.
             ahead: How long after its cycle an axis shall be at its setpoint, s.
             folder: Where the records are; None: nothing is recorded.
@@ -150,7 +150,8 @@ class Recorder:
         for tap in self._looking:
             tap.look(now)
         self._turn += 1
-        taps[self._turn % len(taps)].gather()
+        gathers = self._gathers
+        gathers[self._turn % len(gathers)].gather()
 
     def _begin(self, axis: Axis, runs: int) -> Tap:
         tap = self.open[axis.name] = Tap(axis, self._timebase.now, runs)
@@ -178,13 +179,14 @@ class Recorder:
     def _arrange(self) -> None:
         """Arrange what a cycle looks at: the runs that are on are others now."""
         self._taps = list(self.open.values())
+        self._gathers = [drive for tap in self._taps for drive in tap.drives]
+        self._watched = [one for drive in self._gathers for one in drive.switches]
+        self._looking = [drive for drive in self._gathers if drive.looks]
         self._begin_cycles()
-        self._watched = [one for tap in self._taps for one in tap.switches]
-        self._looking = [tap for tap in self._taps if tap.looks]
 
     def _begin_cycles(self) -> None:
         """Begin to note cycles anew, for the runs that are on."""
-        self._cycles = Cycles(list(self.open))
+        self._cycles = Cycles([drive.name for drive in self._gathers])
         for tap in self._taps:
             tap.cycles.append(self._cycles)
 
@@ -242,7 +244,7 @@ class Recorder:
             about = About(
                 self._node,
                 axis.name,
-                self._joints[axis.name],
+                {drive.name: self._joints[drive.name] for drive in tap.drives},
                 self._feedback,
                 self._ahead,
                 one.offset,
@@ -310,6 +312,7 @@ def recorder_of(
             'unit': str(p.unit),
             'home_type': str(p.home_type),
             'kind': str(axis.kind),
+            **mirrored(p, checked.followers.get(axis.name, {})),
         }
         return values, yaml_file.written(name, node.values_of(axis.name))
 

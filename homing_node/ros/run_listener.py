@@ -31,7 +31,14 @@ from ..parameters.connections import FEEDBACK
 from ..parameters.node_fields import NODE_DEFINITIONS
 from ..procedures.states import LATCHES, State
 from ..recording.heard import Described, Heard, HeardRuns, Said
-from ..recording.run_file import AXIS_STATE, BOOL, FLOAT64, JOINT_STATE, JOINT_TRAJECTORY
+from ..recording.run_file import (
+    AXIS_STATE,
+    BOOL,
+    FLOAT64,
+    JOINT_STATE,
+    JOINT_TRAJECTORY,
+    mirrored,
+)
 from ..version import version
 from . import graph, message_types, messages
 from .asking import Parameters, configuration_of
@@ -230,19 +237,24 @@ class Listener:
         assert checked is not None
         common = graph.expand('joint_states', self.target)
         by_topic: dict[str, list[tuple[str, str]]] = {}
-        for axis in axes:
-            connections = checked.connections[axis]
+        drives = {
+            name: p
+            for axis in axes
+            for name, p in {axis: checked.axes[axis], **checked.followers.get(axis, {})}.items()
+        }
+        for name, p in drives.items():
+            connections = checked.connections[name]
             own = [FEEDBACK] if FEEDBACK in connections.sources else []
-            for source in [*map(str, checked.axes[axis].inputs), *own]:
-                topic = graph.expand(connections.source(axis, source).topic, self.target)
-                by_topic.setdefault(topic, []).append((axis, source))
+            for source in [*map(str, p.inputs), *own]:
+                topic = graph.expand(connections.source(name, source).topic, self.target)
+                by_topic.setdefault(topic, []).append((name, source))
         subscribed = self._subscribed(JOINT_STATE) - set(by_topic)
         common = common if common in subscribed else next(iter(sorted(subscribed)), common)
         for topic, places in by_topic.items():
             self._wanted.append(
                 (topic, lambda kind, places=places: self._uses(runs, kind, places, common))
             )
-        if any(FEEDBACK not in checked.connections[axis].sources for axis in axes):
+        if any(FEEDBACK not in checked.connections[name].sources for name in drives):
             self._want(common, lambda data, at: runs.take(Heard(common, JOINT_STATE, at, data)))
 
     def _uses(
@@ -257,14 +269,15 @@ class Listener:
         assert checked is not None
         layout = message_types.layout(kind)
         uses = []
-        for axis, source in places:
-            joint = checked.joints[axis] if source == FEEDBACK else ''
+        for drive, source in places:
+            joint = checked.joints[drive] if source == FEEDBACK else ''
             bound = bind(
-                checked.connections[axis].source(axis, source),
+                checked.connections[drive].source(drive, source),
                 layout,
                 default_value(layout.names, joint),
             )
-            name = common if joint else f'{self.target}/{axis}/{source}'
+            path = drive.replace('.', '/')
+            name = common if joint else f'{self.target}/{path}/{source}'
             reader = Reader(layout, [bound])
             uses.append(_InputUse(runs, reader, name, source, joint, self._messages))
         return list(uses)
@@ -307,6 +320,7 @@ class Listener:
             'joint': p.joint or axis,
             'unit': str(p.unit),
             'home_type': str(self._values.get(f'{axis}.home_type', p.home_type)),
+            **mirrored(p, self.checked.followers.get(axis, {})),
         }
 
     def _of_axis(self, axis: str) -> str:

@@ -23,7 +23,7 @@ from ..machine import Machine
 from ..outcome import MemberHome, Outcome
 from ..profile import Profile
 from ..readings import Readings
-from ..remembered import Remembered
+from ..remembered import Remembered, Seen
 from ..settling import jammed
 from ..signals import Edge
 from .follower import Follower
@@ -64,6 +64,7 @@ class GantryAxis(Axis):
         self.largest_skew = 0.0
         self._run: GantryRun | None = None
         self._apart: tuple[float, ...] = ()  # of a run that failed: the next one adds nothing
+        self._tripped = False  # a drive has told at rest that it went off
         self._group = group_parameters(parameters, followers.values())
         super().__init__(name, parameters, period, lead)
         self.followers = tuple(
@@ -106,6 +107,14 @@ class GantryAxis(Axis):
         """The axis and its followers, which all receive messages, by their full names."""
         return {self.name: self, **{follower.name: follower for follower in self.followers}}
 
+    @property
+    def seen_by_drive(self) -> Mapping[str, Seen]:
+        """The edges of the captured switches, and the latches, of each drive in the run."""
+        run = self._run
+        if run is None or self.machine is None:
+            return {}
+        return {**super().seen_by_drive, **{side.name: side.seen for side in run.sides}}
+
     # ------------------------------------------------------------------------- what followers tell
 
     def take_from(self, follower: Follower, edge: Edge) -> None:
@@ -116,13 +125,16 @@ class GantryAxis(Axis):
     def latch_from(self, follower: Follower, source: Input, position: float) -> None:
         """Take a latched position of a follower, in its *toward* frame."""
         if self._run is not None and self.machine is not None:
-            self._run.followers[self.followers.index(follower)].latches.add(source, position)
+            side = self._run.followers[self.followers.index(follower)]
+            side.seen.latch(source, position, self.machine.now, self.profile.velocity)
+            side.latches.add(source, position)
 
     def lose_servo_of(self, name: str, tripped: bool) -> None:
         """End a run and lose the home, because the drive of a side is off.
 
         The sides whose drives are still on come to rest; then all are switched off. At rest a
-        drive that trips switches all off at once.
+        drive that trips switches all off in the next cycle, unless it is on again: a publisher
+        that keeps its messages tells a new node what was before.
 
         Args:
             name: whose drive it is.
@@ -131,8 +143,7 @@ class GantryAxis(Axis):
         text = f'the drive of {name} switched its servo off'
         self._lose_rests()
         self._lose_home(Error.ServoOff, f'{text}; a gantry may spring back then')
-        if tripped and not self.running:
-            self.servo_on = False
+        self._tripped = tripped and not self.running
         self.stop(Error.ServoOff, text, Action(self._group.ls_dec, True))
 
     def lose_home_of(self, name: str, error: Error, text: str) -> None:
@@ -245,6 +256,10 @@ class GantryAxis(Axis):
         """Advance by one period; return the leader's setpoint if a run moves the gantry."""
         machine, run = self.machine, self._run
         moving = self.profile.velocity != 0.0
+        if self._tripped:
+            self._tripped = False
+            if any(drive.readings.servo_is_off for drive in self.drives.values()):
+                self.servo_on = False
         for follower in self.followers:
             readings, own = follower.readings, follower.profile
             if follower.returning:

@@ -254,6 +254,11 @@ class GantryMachine(Machine):
                 for side in self.run.sides
             )
 
+    def latch(self, source: Input, position: float) -> None:
+        """Record a latched position of the leader."""
+        super().latch(source, position)
+        self.run.leader.seen.latch(source, position, self.now, self.profile.velocity)
+
     def _stuck_hint(self, error: Error) -> str:
         """Return a hint at the home switches that are still on, or ''."""
         sides = ', '.join(side.name for side in self.run.switches.on(Input.HOME_SWITCH))

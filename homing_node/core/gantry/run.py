@@ -86,6 +86,7 @@ class GantryRun:
 
     def edge(self, side: Side, edge: Edge, machine: Machine) -> None:
         """Take an edge of a side whose place is known."""
+        side.seen.edge(edge)
         group = self.switches.located(side, edge)
         if group is None:
             return

@@ -8,6 +8,7 @@ from ...parameters.axis import AxisParameters
 from ..edge_queue import EdgeQueue
 from ..latches import Latches
 from ..readings import Readings
+from ..remembered import Seen
 from ..track import Track
 from .follower import Follower
 
@@ -26,6 +27,7 @@ class Side:
         at_start: the same at the start of the run.
         edges: its edges that wait for its feedback.
         latches: its latched positions since the axis turned.
+        seen: its edges of captured switches, and its latches, of the whole run.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class Side:
         self.since = -1e300
         self.edges = EdgeQueue(parameters)
         self.latches = Latches(parameters)
+        self.seen = Seen()
 
     @property
     def track(self) -> Track:
