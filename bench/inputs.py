@@ -47,7 +47,10 @@ def wired() -> list[tuple[str, str, str]]:
 
 
 def messages(shuffled: bool, number: int) -> list[bytes]:
-    """Return messages; ``shuffled``: with the groups in another order in each."""
+    """Return messages; ``shuffled``: with the groups in another order in each.
+
+    No input changes, but the last value of each group, which no input reads, is another in each.
+    """
     found, names = [], [f'module_{group}' for group in range(GROUPS)]
     for count in range(number):
         if shuffled:
@@ -57,7 +60,7 @@ def messages(shuffled: bool, number: int) -> list[bytes]:
             interface_values=[
                 InterfaceValue(
                     interface_names=[f'd_input.{n}' for n in range(VALUES)],
-                    values=[0.0] * VALUES,
+                    values=[0.0] * (VALUES - 1) + [0.1 * count],
                 )
                 for _ in names
             ],

@@ -2,7 +2,10 @@
 """Inputs of any message type, without a graph: many of one topic, what is not said, latches."""
 
 import math
+import random
+from collections import Counter
 from contextlib import nullcontext
+from dataclasses import replace
 
 import pytest
 from core_rig import rig
@@ -16,6 +19,7 @@ from homing_node.diagnosis.facts import Endpoint
 from homing_node.parameters.connections import connections
 from homing_node.parameters.definition import InvalidParameters
 from homing_node.procedures.states import Error, Input
+from homing_node.ros import feeds
 from homing_node.ros.inputs import Inputs
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -147,6 +151,63 @@ def test_a_message_that_repeats_counts_as_one_that_is_new(headers):
     assert taken[True] == taken[False]
     opening = taken[True][0][1]
     assert opening.gap == pytest.approx(0.02)  # polled: the edge lies between two messages
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_switches_in_step_hear_what_each_would_hear_alone(seed, monkeypatch):
+    """After some messages that repeat, switches share their times; it must change nothing."""
+    choice = random.Random(seed)
+    script = []
+    for _ in range(25):
+        quiet = [(choice.choice([0.002, 0.004, 0.05]), None)] * choice.randint(0, 12)
+        script += [*quiet, (choice.choice([0.0, 0.002, 0.3]), choice.randrange(8))]
+    heard, shared = [], Counter()
+    for long in (3, math.inf):
+        monkeypatch.setattr(feeds, 'LONG', long)
+        latency = {'switch_latency': 0.01, 'switch_stamp_error': 0.002}
+        cell = Cell({'x': words(), 'y': words(), 'z': words()})
+        cell.axes['z'].configure(replace(cell.axes['z'].parameters, **latency))
+        cell.wire('z', **words())
+        cell.offer('/io/word', 'std_msgs/msg/UInt16')
+        switches = [one for axis in cell.axes.values() for one in axis.readings.switches.values()]
+        edges, word = [], 0
+        for axis in cell.axes.values():
+            axis._take = edges.append
+        noted = []
+        for number, (later, new) in enumerate(script):
+            word = word if new is None else new
+            cell.say('word', UInt16(data=word))
+            cell.poll(later)
+            if number == 60:
+                cell.wire('y', **words(types__home_switch='std_msgs/msg/UInt16'))
+            noted.append([(one.level, one.seen, one.messages.copy()) for one in switches])
+            shared[long] += len(switches) - len({id(one.messages) for one in switches})
+        heard.append((noted, [(one.input, one.rises, one.opening) for one in edges]))
+    assert shared[3] > 100
+    assert shared[math.inf] == 0
+    assert heard[0][1] == heard[1][1]
+    for ours, alone in zip(heard[0][0], heard[1][0], strict=True):
+        for (level, seen, times), (its_level, its_seen, its_times) in zip(
+            ours, alone, strict=True
+        ):
+            assert (level, seen) == (its_level, its_seen)
+            assert times.is_as(its_times)
+
+
+def test_a_switch_in_step_that_is_no_longer_said_grows_old(monkeypatch):
+    monkeypatch.setattr(feeds, 'LONG', 3)
+    cell = array_cell()
+    for _ in range(6):
+        cell.say('p', pins(0, 0, 0))
+        cell.poll()
+    switches = cell.axes['x'].readings.switches
+    assert len({id(one.messages) for one in switches.values()}) == 1
+    said = cell.clock.now
+    cell.say('p', pins(0, 0))
+    cell.poll(0.1)
+    seen = {name: one.seen for name, one in switches.items()}
+    assert seen == {HOME: said, PLUS: said, MINUS: pytest.approx(said - 0.004)}
+    assert len({id(one.messages) for one in switches.values()}) == 3
 
 
 def test_a_switch_has_the_time_of_its_header():

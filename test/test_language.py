@@ -396,14 +396,30 @@ def test_messages_of_many_shapes_in_any_order():
 
 def test_a_message_that_says_the_same_is_known():
     reads = reader(GROUPS, '#b/w')
-    for number in range(3):  # a shape is remembered when it comes a second time
-        assert not reads.read(gpio('ab', 0.0, number)).same
-    assert reads.read(gpio('ab', 0.0, 3, seed=9)).same
-    assert not reads.read(gpio('ab', 1.0, 4)).same
-    assert not reads.read(gpio('ba', 1.0, 5)).same
+    assert not reads.read(gpio('ab', 0.0, 1)).same
+    for seed in (1, 1, 9):  # the same bytes, and others between what is aligned
+        reading = reads.read(gpio('ab', 0.0, 2.5, seed))
+        assert reading == (2_500_000_000, [0.0], [None], True)
+    assert reads.read(gpio('ab', 1.0, 4)) == (4_000_000_000, [1.0], [None], False)
+    assert reads.read(gpio('ba', 1.0, 5)).same
+    assert not reads.read(gpio('ba', 0.0, 5)).same
+    assert reads.read(gpio('ba', 0.0, 6, 0, '>')) == (6_000_000_000, [0.0], [None], True)
+    assert reads.read(gpio('ba', 0.0, 7, 0, '>')) == (7_000_000_000, [0.0], [None], True)
     reads.forget()
-    assert not reads.read(gpio('ab', 1.0, 6)).same
-    assert reads.read(gpio('ab', 1.0, 7)).same
+    assert not reads.read(gpio('ba', 0.0, 8, 0, '>')).same
+
+
+def test_a_message_without_a_stamp_that_says_the_same_is_known():
+    reads = reader('std_msgs/UInt16', '#data & 4')
+    assert [reads.read(message('std_msgs/UInt16', value)).same for value in (4, 4, 5, 1, 1)] == [
+        False,
+        True,
+        False,
+        False,
+        True,
+    ]
+    with pytest.raises(Broken):
+        reads.read(message('std_msgs/UInt16', 1)[:-1])
 
 
 def test_a_broken_message_says_nothing():
@@ -414,7 +430,7 @@ def test_a_broken_message_says_nothing():
             reads.read(data[:length])
     for _ in range(3):
         assert reads.read(data).values == [1.0]
-    for length in range(len(data)):  # nor when its shape is known
+    for length in range(len(data)):  # nor when its texts are known
         with pytest.raises(Broken):
             reads.read(data[:length])
 

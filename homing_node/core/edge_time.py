@@ -72,16 +72,37 @@ class MessageTimes:
 
     Attributes:
         on_change: whether the driver has proved that it publishes on change.
+        shared: whether several switches with the same past may share the object: one that hears
+            what others do not takes a `copy` first.
     """
 
-    __slots__ = ('on_change', '_newest', '_doubt', '_changed', '_beat', '_intervals')
+    __slots__ = ('on_change', 'shared', '_newest', '_doubt', '_changed', '_beat', '_intervals')
 
     def __init__(self) -> None:
-        self.on_change = False
+        self.on_change = self.shared = False
         self._intervals: deque[float] = deque(maxlen=REMEMBERED)
         self._beat = self._newest = -1e300
         self._doubt = 0.0
         self._changed = True  # the newest message did not repeat the one before
+
+    def copy(self) -> 'MessageTimes':
+        """Return the same times, for one switch alone."""
+        found = MessageTimes()
+        found.on_change, found._newest, found._doubt = self.on_change, self._newest, self._doubt
+        found._changed, found._beat = self._changed, self._beat
+        found._intervals.extend(self._intervals)
+        return found
+
+    def is_as(self, other: 'MessageTimes') -> bool:
+        """Return whether the times of another switch are the same."""
+        return (
+            self._newest == other._newest
+            and self._doubt == other._doubt
+            and self._beat == other._beat
+            and self._changed == other._changed
+            and self.on_change == other.on_change
+            and self._intervals == other._intervals
+        )
 
     def first(self, time: float, doubt: float) -> None:
         """Take the first message, or the first one after time was set back."""
@@ -99,8 +120,8 @@ class MessageTimes:
             self._intervals.append(gap)
         elif self._is_early(gap):
             self.on_change = True
-        self.first(time, doubt)
-        self._beat, self._changed = time, False
+        self._newest = self._beat = time
+        self._doubt, self._changed = doubt, False
 
     def change(self, time: float, doubt: float) -> Opening:
         """Take a message with a new level; return the times that it leaves open for the edge."""

@@ -1,25 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads the values of some inputs from the messages of one topic.
 
-The first two messages of a shape (lengths, names, their order) are walked, and the place of each
-value is noted. The next ones of that shape need two steps: a comparison of what the places depend
-on, and one `struct.unpack` of all values. Some shapes are remembered, for drivers whose groups
-change their order from message to message.
+Most messages repeat the message before but for their stamp, which a comparison of their bytes
+shows. Any other message is walked, and what is wanted is found in it.
 """
 
 import struct
-from collections import deque
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from math import isfinite
+from typing import NamedTuple
 
-from .cdr import Broken, Known, Place, Walk
-from .layout import SIZES, Structure
+from .cdr import Broken, Fields, TextArrays
+from .layout import Structure
 from .resolve import Bound, BoundSource
-from .search import NOT_MINE, Found, Missing, NotMine, Said, Search
+from .search import NOT_MINE, Missing, NotMine, Said, Wanted
 
-#: Shapes that are remembered.
-MOST_SHAPES = 8
 NS = 1_000_000_000
+#: A stamp: seconds and nanoseconds, by byte order.
+STAMPS = {order: struct.Struct(f'{order}iI') for order in '<>'}
 
 
 class Reading(NamedTuple):
@@ -42,23 +40,24 @@ class Reader:
     """Reads messages of one type; ``sources`` says what of them."""
 
     def __init__(self, layout: Structure, sources: Sequence[BoundSource]) -> None:
-        self._layout = layout
-        self._sources = sources
-        bounds = [one for source in sources for one in (source.value, source.counter) if one]
+        self._values = [source.value for source in sources]
+        self._counters = [source.counter for source in sources]
+        bounds = [*self._values, *filter(None, self._counters)]
+        self._wanted = Wanted(bounds)
         self._stamp = _stamp_field(layout)
         last = max((_last_field(bound) for bound in bounds), default=-1)
-        self._fields = 1 + max(last, -1 if self._stamp is None else self._stamp)
-        self._shapes: list[_Shape] = []
-        self._shape: _Shape | None = None
-        self._texts: Known = {}
-        # Where everything was in the last messages that were walked.
-        self._places: deque[Place] = deque(maxlen=MOST_SHAPES)
-        self._numbers: tuple[Any, ...] = ()
-        self._reading = Reading(0, (), (), False)
+        self._fields = Fields(layout, 1 + max(last, -1 if self._stamp is None else self._stamp))
+        self._texts = TextArrays()
+        # The last message: its bytes before and behind the stamp, what unpacks that, what was
+        # found, and what was said.
+        self._before = self._behind = b''
+        self._stamps = STAMPS['<']
+        self._found: list[Said] = []
+        self._reading: Reading | None = None
 
     def forget(self) -> None:
         """Take the next message as a new one, whatever it says."""
-        self._shape = None
+        self._reading = None
 
     def read(self, data: bytes) -> Reading:
         """Return what a message says.
@@ -66,103 +65,54 @@ class Reader:
         Raises:
             Broken: the bytes are no message of this type.
         """
-        shape = self._shape_of(data)
-        if shape is None:
-            return self._walk(data)
-        numbers = shape.values.unpack_from(data)
-        stamp = 0
-        if shape.stamp is not None:
-            seconds, nanoseconds = shape.stamp.unpack_from(data, shape.stamp_at)
+        begin = len(self._before)
+        if self._reading is not None and data.startswith(self._before):
+            if self._stamp is None:
+                if len(data) == begin:
+                    return self._again(0)
+            elif data[begin + STAMPS['<'].size :] == self._behind:
+                seconds, nanoseconds = self._stamps.unpack_from(data, begin)
+                return self._again(seconds * NS + nanoseconds)
+        return self._walk(data)
+
+    def _again(self, stamp: int) -> Reading:
+        assert self._reading is not None
+        return Reading(stamp, self._reading.values, self._reading.counters, True)
+
+    def _walk(self, data: bytes) -> Reading:
+        """Walk through a message."""
+        walk, places = self._fields.walk(data, self._texts)
+        found = self._wanted.find(walk, places)
+        stamp, self._before = 0, data
+        if self._stamp is not None:
+            begin, _ = places[self._stamp][0]
+            self._stamps = STAMPS[walk.order]
+            seconds, nanoseconds = self._stamps.unpack_from(data, begin)
             stamp = seconds * NS + nanoseconds
-        if numbers == self._numbers and shape is self._shape:
-            return self._reading._replace(stamp=stamp, same=True)
-        self._shape, self._numbers = shape, numbers
+            self._before, self._behind = data[:begin], data[begin + self._stamps.size :]
+        if self._reading is not None and found == self._found:
+            return self._again(stamp)
+        self._found, rest = found, iter(found[len(self._values) :])
         self._reading = Reading(
             stamp,
-            [one.value(numbers) for one in shape.inputs],
-            [None if one is None else one.value(numbers) for one in shape.counters],
+            [_said(*one) for one in zip(self._values, found, strict=False)],
+            [None if one is None else _said(one, next(rest)) for one in self._counters],
             False,
         )
         return self._reading
 
-    def _shape_of(self, data: bytes) -> '_Shape | None':
-        """Return the shape of a message, None if it is not known."""
-        size, bits = -1, 0
-        for shape in self._shapes:
-            if shape.size != size:
-                size = shape.size
-                bits = int.from_bytes(data[:size], 'little')
-            if bits & shape.mask == shape.expected and len(data) >= size:
-                return shape
-        return None
 
-    def _walk(self, data: bytes) -> Reading:
-        """Walk through a message; remember its shape if one that was walked lately had it."""
-        walk = Walk(data, self._layout, self._fields, self._texts)
-        find, layout = Search(walk).find, self._layout
-        inputs = [find(one.value, layout) for one in self._sources]
-        counters = [find(one.counter, layout) if one.counter else None for one in self._sources]
-        self._shape = None
-        if walk.fields in self._places:
-            self._shapes.insert(0, _Shape(walk, inputs, counters, self._stamp))
-            del self._shapes[MOST_SHAPES:]
-        self._places.append(walk.fields)
-        stamp = 0
-        if self._stamp is not None:
-            seconds, nanoseconds = walk.fields[self._stamp][0]
-            stamp = walk.number(seconds, 'i') * NS + walk.number(nanoseconds, 'I')
-        return Reading(
-            stamp,
-            [one.value_in(walk) for one in inputs],
-            [None if one is None else one.value_in(walk) for one in counters],
-            False,
-        )
-
-
-class _Shape:
-    """Where the values are in all messages of one shape.
-
-    Attributes:
-        mask: the bits of a message that tell its shape, as the bits of one integer.
-        expected: what these bits are.
-        size: how many bytes of a message matter.
-        values: unpacks all numbers that are meant.
-        inputs: where the value of each input is.
-        counters: where the counter of each input is.
-        stamp: unpacks the header's stamp at `stamp_at`, None where there is no header.
-    """
-
-    def __init__(
-        self,
-        walk: Walk,
-        inputs: Sequence[Found],
-        counters: Sequence[Found | None],
-        stamp: int | None,
-    ) -> None:
-        self.inputs, self.counters = inputs, counters
-        found = [one for one in (*self.inputs, *self.counters) if one]
-        spots = {one.spot for one in found if one.spot}
-        spots.update(spot for one in found for spot, _ in one.filters)
-        at, codes, numbers = 0, '', {}
-        for number, spot in enumerate(sorted(spots)):
-            begin, code = spot
-            codes += f'{begin - at}x{code}'
-            at = begin + SIZES[code]
-            numbers[spot] = number
-        for one in found:
-            one.number_from(numbers)
-        self.values = struct.Struct(walk.order + codes)
-        self.stamp: struct.Struct | None = None
-        self.stamp_at = 0
-        if stamp is not None:
-            self.stamp = struct.Struct(f'{walk.order}iI')
-            self.stamp_at = walk.fields[stamp][0][0]
-        self.size = walk.end
-        mask = bytearray(walk.end)
-        for begin, span in walk.spans:
-            mask[begin : begin + len(span)] = span
-        self.mask = int.from_bytes(mask, 'little')
-        self.expected = int.from_bytes(walk.data[: walk.end], 'little') & self.mask
+def _said(bound: Bound, number: Said) -> Said:
+    """Return a number as it was written: masked, or compared (0 or 1)."""
+    if not isinstance(number, int | float):
+        return number
+    if not isfinite(number):
+        return Missing(f'it is {number:g}', unread=True)
+    if bound.mask is not None:
+        if number != int(number):
+            return Missing(f'{number:g} has no bits')
+        number = int(number) & bound.mask
+    return number if bound.equals is None else number == bound.equals
 
 
 def _last_field(bound: Bound) -> int:

@@ -8,9 +8,9 @@ this input at all.
 """
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
 
 from .expression import DATA, BadExpression, Condition, Lookup, Part, Path, Source, Value
 from .layout import BITS, Array, Layout, Number, Opaque, Structure, Text
@@ -49,36 +49,27 @@ class Step:
     beside: tuple[Key, ...] = ()
     filters: tuple[Key, ...] = ()
 
-    @property
+    @cached_property
     def searched(self) -> bool:
         """Whether the element is found by its keys."""
         return bool(self.inside or self.beside)
 
-
-class Named(NamedTuple):
-    """A step to the element with one name, which stands in an array of names beside.
-
-    ``size`` is that of a number, where the elements are numbers; else 0.
-    """
-
-    field: int
-    keys: int
-    wanted: Wanted
-    size: int
+    @cached_property
+    def name_beside(self) -> Key | None:
+        """The name in an array of texts beside that alone tells the element, if one does."""
+        if self.inside or self.filters or len(self.beside) != 1 or self.beside[0].code:
+            return None
+        return self.beside[0]
 
 
 @dataclass(frozen=True)
 class Bound:
-    """A number in messages of one type, and what counts of it.
-
-    ``names`` are the steps, if names alone lead to the number: the usual and the quick way.
-    """
+    """A number in messages of one type, and what counts of it."""
 
     steps: tuple[Step, ...]
     number: Number
     mask: int | None
     equals: int | None
-    names: tuple[Named, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,19 +123,7 @@ def _bind(value: Value, layout: Structure) -> Bound:
         bits = 1 if here.kind == 'boolean' else BITS[here.code]
         if value.mask >> bits:
             raise BadExpression(f'the mask {value.mask:#x} has bits beyond {name} ({here.kind})')
-    return Bound(tuple(steps), here, value.mask, value.equals, _names(steps, here))
-
-
-def _names(steps: Sequence[Step], number: Number) -> tuple[Named, ...]:
-    """Return the steps, if each of them leads to an element by one name beside; else ()."""
-    found = []
-    for step in steps:
-        if step.inside or step.filters or len(step.beside) != 1 or step.beside[0].code:
-            return ()
-        (key,) = step.beside
-        found.append(Named(step.field, key.field, key.wanted, 0))
-    found[-1] = found[-1]._replace(size=number.size)
-    return tuple(found)
+    return Bound(tuple(steps), here, value.mask, value.equals)
 
 
 def _step(part: Part, here: Structure, message: Structure) -> tuple[Step, Layout]:

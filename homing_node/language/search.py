@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the values of some inputs in a message that was walked: by index, and by keys."""
+"""Finds what is wanted in a message that was walked: by index, and by keys.
+
+What several inputs want is a tree: a step that several of them begin with is gone once for all.
+"""
 
 import struct
 from collections.abc import Sequence
-from math import isfinite
+from math import inf
 from typing import Any, NamedTuple
 
-from .cdr import Numbers, Place, Texts, Walk
-from .layout import SIZES, Array, Layout, Number, Structure
-from .resolve import Bound, Key, Named, Step
+from .cdr import Place, Texts, Walk
+from .layout import SIZES
+from .resolve import Bound, Key, Step
 
 #: Keys that a message about a missing one lists.
 LISTED = 12
@@ -32,134 +35,42 @@ NOT_MINE = NotMine()
 
 #: What a message says of an input.
 Said = float | Missing | NotMine
-#: A number of a message: its first byte, and its character of `struct`.
-Spot = tuple[int, str]
 #: The keys of all elements, and the elements that have each of them.
 Table = tuple[Sequence[Any], dict[Any, list[int]]]
 
 
-class Found:
-    """Where a value is in all messages of a shape, or why it is not there.
+class Wanted:
+    """Numbers that are wanted of the messages of one type."""
 
-    Attributes:
-        spot: where it is, None: it is not there.
-        filters: where numbers are that must have a value, and that value.
-        why: why it is not there; None: the message is not about the input.
-    """
+    def __init__(self, bounds: Sequence[Bound]) -> None:
+        """Note what is wanted."""
+        self._count = len(bounds)
+        self._ways = _ways(
+            [_Path(slot, one.steps, one.number.code) for slot, one in enumerate(bounds)]
+        )
 
-    __slots__ = ('_bound', 'spot', 'filters', 'why', '_index', '_wanted')
+    def find(self, walk: Walk, places: Sequence[Place]) -> list[Said]:
+        """Return the number of each bound value, or why it is not there.
 
-    def __init__(
-        self,
-        bound: Bound,
-        spot: Spot | None = None,
-        filters: Sequence[tuple[Spot, Any]] = (),
-        why: str | None = None,
-    ) -> None:
-        self._bound = bound
-        self.spot, self.filters, self.why = spot, filters, why
-        self._index = 0
-        self._wanted: list[tuple[int, Any]] = []
-
-    def number_from(self, numbers: dict[Spot, int]) -> None:
-        """Note which of the numbers that are unpacked are meant."""
-        if self.spot is not None:
-            self._index = numbers[self.spot]
-        self._wanted = [(numbers[spot], wanted) for spot, wanted in self.filters]
-
-    def value(self, numbers: tuple[Any, ...]) -> Said:
-        """Return what was written, of the numbers of a message that are unpacked."""
-        for index, wanted in self._wanted:
-            if numbers[index] != wanted:
-                return NOT_MINE
-        if self.spot is None:
-            return NOT_MINE if self.why is None else Missing(self.why)
-        return self._said(numbers[self._index])
-
-    def value_in(self, walk: Walk) -> Said:
-        """Return the same of a message that was walked."""
-        for spot, wanted in self.filters:
-            if walk.number(*spot) != wanted:
-                return NOT_MINE
-        if self.spot is None:
-            return NOT_MINE if self.why is None else Missing(self.why)
-        return self._said(walk.number(*self.spot))
-
-    def _said(self, number: float) -> Said:
-        """Return a number, masked or compared (0 or 1), as it was written."""
-        if not isfinite(number):
-            return Missing(f'it is {number:g}', unread=True)
-        mask, equals = self._bound.mask, self._bound.equals
-        if mask is not None:
-            if number != int(number):
-                return Missing(f'{number:g} has no bits')
-            number = int(number) & mask
-        return number if equals is None else number == equals
+        Args:
+            walk: a message.
+            places: the places of its fields.
+        """
+        found: list[Said] = [NOT_MINE] * self._count
+        search = _Search(walk)
+        for way in self._ways:
+            way.find(search, places, found)
+        return found
 
 
-class Search:
-    """Finds values in one message; what it looks at becomes part of the message's shape."""
+class _Search:
+    """What is found in one message."""
 
     def __init__(self, walk: Walk) -> None:
-        self._walk = walk
+        self.walk = walk
         self._tables: dict[tuple[int, int], Table] = {}  # by array, and field of its elements
 
-    def spot(self, names: Sequence[Named], code: str) -> Spot | None:
-        """Return where a value is to which names alone lead, None if `find` must say why not."""
-        place: Place = self._walk.fields
-        for field, keys, wanted, size in names:
-            elements = place[keys].elements.get(wanted)
-            if elements is None or len(elements) != 1:
-                return None
-            (index,) = elements
-            place = place[field]
-            if size:
-                begin, count = place
-                return (begin + index * size, code) if index < count else None
-            if index >= len(place):
-                return None
-            place = place[index]
-        return None
-
-    def find(self, bound: Bound, layout: Structure) -> Found:
-        """Return where a value is."""
-        if bound.names:
-            spot = self.spot(bound.names, bound.number.code)
-            if spot is not None:
-                return Found(bound, spot)
-        place: Place = self._walk.fields
-        here: Layout = layout
-        filters = []
-        for step in bound.steps:
-            assert isinstance(here, Structure)
-            for key in step.filters:
-                if key.code:
-                    filters.append(((place[key.field], key.code), key.wanted))
-                elif place[key.field] != key.wanted:
-                    return Found(bound)
-            outer, place, here = place, place[step.field], here.fields[step.field]
-            if step.index is None and not step.searched:
-                continue
-            assert isinstance(here, Array)
-            index = step.index
-            if index is None:
-                matches, why = self._matches(step, place, outer)
-                if why:
-                    return Found(bound, None, filters, why)
-                index = matches[0]
-            count = place.elements if isinstance(place, Numbers) else len(place)
-            if index >= count:
-                why = f'{step.name} has {count} elements, none at {index}'
-                return Found(bound, None, filters, why)
-            here = here.of
-            if isinstance(place, Numbers):
-                assert isinstance(here, Number)
-                place = place.begin + index * here.size
-            else:
-                place = place[index]
-        return Found(bound, (place, bound.number.code), filters)
-
-    def _matches(self, step: Step, place: Place, outer: Place) -> tuple[Sequence[int], str]:
+    def matches(self, step: Step, place: Place, outer: Place) -> tuple[Sequence[int], str]:
         """Return the element that has the keys of a step, or why it is not one."""
         keys = (*step.beside, *step.inside)
         tables = [self._table(outer[key.field], key) for key in step.beside]
@@ -194,13 +105,144 @@ class Search:
         return self._tables[name]
 
     def _keys(self, array: Place, key: Key, field: int) -> Sequence[Any]:
+        if isinstance(array, tuple):
+            begin, elements = array
+            begins = range(begin, begin + elements * SIZES[key.code], SIZES[key.code])
+            return [self.walk.number(begin, key.code) for begin in begins]
         if not key.code:
             return [element[field] for element in array]
-        walk, size = self._walk, SIZES[key.code]
-        if isinstance(array, Numbers):
-            begins = [array.begin + size * number for number in range(array.elements)]
+        return [self.walk.number(element[field], key.code) for element in array]
+
+
+class _Path(NamedTuple):
+    """The rest of the way to a number: its place in what is found, its character of `struct`."""
+
+    slot: int
+    steps: Sequence[Step]
+    code: str
+
+
+def _ways(paths: Sequence[_Path]) -> 'list[_Way | _Columns]':
+    """Return the ways of some paths that begin at one structure."""
+    further: dict[Step, list[_Path]] = {}
+    for slot, steps, code in paths:
+        further.setdefault(steps[0], []).append(_Path(slot, steps[1:], code))
+    ways: list[_Way | _Columns] = []
+    columns: dict[tuple[int, int], list[_Way]] = {}
+    for way in (_Way(step, rest) for step, rest in further.items()):
+        if way.code and way.step.name_beside:
+            place = way.step.field, way.step.name_beside.field
+            columns.setdefault(place, []).append(way)
         else:
-            begins = [element[field] for element in array]
-        walk.spans += [(begin, b'\xff' * size) for begin in begins]
-        number = struct.Struct(walk.order + key.code)
-        return [number.unpack_from(walk.data, begin)[0] for begin in begins]
+            ways.append(way)
+    return [*ways, *map(_Columns, columns.values())]
+
+
+class _Way:
+    """A step to a number, or to a structure in which ways begin.
+
+    Attributes:
+        step: the step.
+        slots: the places, in what is found, of all numbers to which it leads.
+        code: the character of the number for `struct`, '' where the step leads to a structure.
+    """
+
+    def __init__(self, step: Step, paths: Sequence[_Path]) -> None:
+        """Note a step, and the paths behind it."""
+        self.step = step
+        self.slots = [path.slot for path in paths]
+        self.code = '' if paths[0].steps else paths[0].code
+        self._ways = [] if self.code else _ways(paths)
+
+    def find(self, search: _Search, place: Place, found: list[Said]) -> None:
+        """Note the numbers that are found in a structure at a place."""
+        step, walk = self.step, search.walk
+        for key in step.filters:
+            one = place[key.field]
+            if (walk.number(one, key.code) if key.code else one) != key.wanted:
+                return
+        outer, place = place, place[step.field]
+        index = step.index
+        if step.searched:
+            name = step.name_beside
+            matches: Sequence[int] = ()
+            if name:
+                matches = outer[name.field].elements.get(name.wanted, ())
+            if len(matches) != 1:
+                matches, why = search.matches(step, place, outer)
+                if why:
+                    self._note(Missing(why), found)
+                    return
+            index = matches[0]
+        if index is not None:
+            begin, count = place if isinstance(place, tuple) else (None, len(place))
+            if index >= count:
+                self._note(Missing(f'{step.name} has {count} elements, none at {index}'), found)
+                return
+            place = place[index] if begin is None else begin + index * SIZES[self.code]
+        if self.code:
+            self._note(walk.number(place, self.code), found)
+        for way in self._ways:
+            way.find(search, place, found)
+
+    def _note(self, said: Said, found: list[Said]) -> None:
+        for slot in self.slots:
+            found[slot] = said
+
+
+class _Columns:
+    """Ways to numbers of one array by their names, which stand in one array of texts beside.
+
+    Where each number is, is noted at the array of texts.
+    """
+
+    def __init__(self, ways: Sequence[_Way]) -> None:
+        self._ways = ways
+        step = ways[0].step
+        self._field, self._code = step.field, ways[0].code
+        (key,) = step.beside
+        self._keys = key.field
+
+    def find(self, search: _Search, place: Place, found: list[Said]) -> None:
+        """Note the numbers that are found in a structure at a place."""
+        texts = place[self._keys]
+        columns = texts.notes.get(self)
+        if columns is None:
+            columns = texts.notes[self] = self._columns(texts, search.walk.order)
+        begin, elements = place[self._field]
+        if columns.needed > elements:
+            for way in self._ways:
+                way.find(search, place, found)
+            return
+        numbers = columns.numbers.unpack_from(search.walk.data, begin)
+        for slot, index in columns.indices:
+            found[slot] = numbers[index]
+
+    def _columns(self, texts: Texts, order: str) -> '_Found':
+        indices = []
+        for way in self._ways:
+            (key,) = way.step.beside
+            elements = texts.elements.get(key.wanted, [])
+            if len(elements) != 1:
+                return NOT_FOUND
+            indices += [(slot, elements[0]) for slot in way.slots]
+        needed = 1 + max(index for _, index in indices)
+        return _Found(needed, struct.Struct(f'{order}{needed}{self._code}'), indices)
+
+
+class _Found(NamedTuple):
+    """Where numbers are in an array.
+
+    Attributes:
+        needed: how many elements it must have; inf: a name stands nowhere, or more than once.
+        numbers: unpacks these.
+        indices: the place of each number, in what is found and among these.
+    """
+
+    needed: float
+    numbers: struct.Struct
+    indices: Sequence[tuple[int, int]]
+
+
+#: Nothing, for one name of some is not there.
+NOT_FOUND = _Found(inf, struct.Struct(''), ())

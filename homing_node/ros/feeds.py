@@ -6,10 +6,12 @@ before said: then each switch only notes the time.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..core.axis import Axis
+from ..core.in_step import LONG, InStep
+from ..core.signals import Switch
 from ..core.stamps import REORDERED, Stamps, too_late
 from ..language.cdr import Broken
 from ..language.expression import BadExpression
@@ -60,9 +62,10 @@ class Feed:
         self._number = 0  # of the newest message
         self._reader = Reader(message_types.layout(BOOL), ())
         self._read: list[WiredInput] = []  # those whose expression fits, as the reader has them
-        self._groups: list[tuple[Stamps, list[_Part]]] = []
+        self._groups: list[_Group] = []
         self._known: dict[Hashable, Stamps] = {}
         self._steady = False  # every input was said by the last message, and it may be said again
+        self._repeats = 0  # messages in a row that have said the same
 
     @property
     def feeds_axes(self) -> bool:
@@ -144,8 +147,10 @@ class Feed:
             clock = p.feedback_clock if one.is_feedback else p.switch_clock
             judging = Judging(p.feedback_timeout, clock, REORDERED if one.is_feedback else 0)
             members.append(((one.axis.name, one.is_feedback), judging, number))
+        self._speak_up()
         self._groups = [
-            (stamps, self._by_axis(numbers)) for stamps, numbers in grouped(members, self._known)
+            _Group(stamps, self._by_axis(numbers))
+            for stamps, numbers in grouped(members, self._known)
         ]
         self._reader.forget()
 
@@ -158,6 +163,27 @@ class Feed:
             if one.is_switch:
                 part.switches.append(Input(one.source))
         return list(parts.values())
+
+    def _fall_silent(self) -> None:
+        """Let switches that have repeated their levels for long hear in step."""
+        for group in self._groups:
+            alike: dict[tuple[float, float], list[Switch]] = {}
+            for part in group.parts:
+                p, known = part.axis.parameters, part.axis.readings.switches
+                switches = alike.setdefault((p.switch_latency, p.switch_stamp_error), [])
+                switches += [known[one] for one in part.switches]
+            if any(one.level is None or one.unsettled for each in alike.values() for one in each):
+                self._repeats = 0  # later
+            elif not group.parts[0].is_feedback:
+                group.in_step = [InStep(each, *judged) for judged, each in alike.items()]
+
+    def _speak_up(self) -> None:
+        """Let each switch hear for itself again."""
+        self._repeats = 0
+        for group in self._groups:
+            for one in group.in_step:
+                one.end()
+            group.in_step = []
 
     def silence(self) -> None:
         """Take that no publisher is there any more; end the runs that need it."""
@@ -203,11 +229,18 @@ class Feed:
             sent, stamp = stamp, clock.time_of(reading.stamp)
         # What the publisher has kept from before says nothing of how often it publishes.
         kept = not clock.simulated and (stamp if sent is None else sent) < self.since
-        repeats = reading.same and self._steady
+        repeats = reading.same and self._steady and not kept
         if not reading.same:
             self._steady = all(map(_may_repeat, self._read, reading.values, reading.counters))
+        if repeats:
+            self._repeats += 1
+            if self._repeats == LONG:
+                self._fall_silent()
+        elif self._repeats:
+            self._speak_up()
         unstamped = UNSTAMPED if clock.simulated and sent is None else 0.0
-        for stamps, parts in self._groups:
+        for group in self._groups:
+            stamps = group.stamps
             # Simulated time has one clock.
             found = stamps.believe(
                 stamp, arrival, sent, FeedbackClock.stamp if clock.simulated else None
@@ -215,14 +248,16 @@ class Feed:
             if found is None:
                 continue
             time, doubt = found
-            for part in parts:
+            if doubt or stamps.late:
+                for part in group.parts:
+                    if part.axis.running:
+                        self._doubt(part, stamps, bool(doubt), stop)
+            open_for = doubt or unstamped * self.inputs[0].axis.period
+            for switches in group.in_step:
+                switches.repeat(time, arrival, open_for)
+            for part in () if group.in_step else group.parts:
                 axis = part.axis
-                if axis.running and (doubt or stamps.late):
-                    self._doubt(part, stamps, bool(doubt), stop)
-                open_for = doubt or unstamped * axis.period
                 if repeats and not part.is_feedback:
-                    if kept:
-                        continue
                     axis.repeat(part.switches, time, arrival, open_for)
                     continue
                 for number in part.numbers:
@@ -332,6 +367,15 @@ class _Part:
     numbers: list[int]
     switches: list[Input]
     is_feedback: bool
+
+
+@dataclass
+class _Group:
+    """Axes that judge stamps alike, and their switches as long as these hear in step."""
+
+    stamps: Stamps
+    parts: list[_Part]
+    in_step: list[InStep] = field(default_factory=list)
 
 
 def _may_repeat(one: WiredInput, value: Said, counter: Said | None) -> bool:
