@@ -9,7 +9,7 @@ from math import isfinite
 
 import pytest
 from control_msgs.msg import DynamicInterfaceGroupValues, InterfaceValue
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
@@ -23,6 +23,7 @@ from homing_node.ros.message_types import kind_of, layout
 NUMBERS = st.sampled_from([0.0, 1.0, 0.25, 3.0, float('nan'), float('inf')])
 LABELS = st.sampled_from(['a', 'b', 'of twelve', ''])
 NAMES = st.lists(LABELS, max_size=4)
+some = settings(max_examples=settings.default.max_examples // 4)
 
 
 def reader(kind, *expressions):
@@ -58,6 +59,7 @@ def groups(draw):
     return message
 
 
+@some
 @given(st.lists(st.one_of(groups(), st.just(None)), min_size=1, max_size=6))
 def test_groups(messages):
     """None stands for the message before, once more."""
@@ -78,6 +80,7 @@ def test_groups(messages):
         before = reading.values
 
 
+@some
 @given(st.lists(st.tuples(NAMES, st.lists(NUMBERS, max_size=5)), min_size=1, max_size=5))
 def test_joints(messages):
     reads = reader(JointState, 'a/position', "''/velocity", 'position[2]')
@@ -90,6 +93,7 @@ def test_joints(messages):
         assert agrees(third, plain.position[2] if len(plain.position) > 2 else None)
 
 
+@some
 @given(
     st.lists(
         st.tuples(st.lists(st.integers(0, 4), max_size=5), st.lists(NUMBERS, max_size=3)),
@@ -115,6 +119,7 @@ def test_structures(messages):
         assert agrees(second, analog[1] if len(analog) > 1 else None)
 
 
+@some
 @given(st.binary(max_size=200), groups(), st.integers(0, 400))
 def test_nonsense(nonsense, message, at):
     """Bytes that were overwritten say something, or are refused; they raise nothing else."""
