@@ -3,7 +3,7 @@
 
 The switch is on from 100 to 110 mm, index pulses every 10 mm at 3.7 mm; fast 50, slow 5 mm/s,
 1 m/s^2, jerk 100 m/s^3. The counterpart is the sum of the time-optimal legs (ruckig), each from
-the state in which an event found the axis to that of the next event, to rest after the overrun,
+the state in which an event found the axis to the state at the next one, to rest after the overrun,
 and to rest at home. The starts are spread around the scenario's by a cycle's way in all, so that
 the switch rises at every time within a cycle. A quick run knows the switch from a cold one, and
 goes to it at 250 mm/s.

@@ -400,7 +400,7 @@ class Hosts:
     def last_setpoint_of_the_drive(self):
         """Return the position after which the drive stopped by itself, as it tells it."""
         told = re.findall(
-            'no setpoint came after that of (\\S+):',
+            'no setpoint came after (\\S+):',
             (self.folder / 'simulated_axes.log').read_text(),
         )
         assert told, 'the drive did not stop by itself'

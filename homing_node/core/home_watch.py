@@ -54,7 +54,7 @@ class HomeWatch:
             time: when it was sampled.
             position: the raw position.
             leap: the least jump.
-            deceleration: that of the strongest stop of the axis.
+            deceleration: the strongest deceleration of the axis.
             wrap: the feedback is published modulo this distance; 0: it is not.
             applied: the offset that a driver loses when it restarts; a step of just this length
                 is a jump, however long it took. 0: it has none.

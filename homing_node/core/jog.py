@@ -77,7 +77,7 @@ def jog_parameters(parameters: AxisParameters, jog: Jog) -> JogParameters:
     """Return the parameters of a jog: its velocity is the fast one, and the slow one at most.
 
     Every limit acts both ways, because whoever jogs may have swapped the two. The time bound is
-    the computed one: `timeout` is that of a homing run.
+    the computed one: `timeout` is for a homing run.
     """
     p = parameters
     values = {one.name: getattr(p, one.name) for one in dataclasses.fields(AxisParameters)}

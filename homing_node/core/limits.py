@@ -2,8 +2,8 @@
 """What the limit switches of an axis mean to a run, and what the rise of one does.
 
 A limit has an end that it guards, a role that the home type gives it (the manual's page), and the
-action of its LS Type. What its rise does is a table, RESPONSES, by the end, by what the axis does
-at that moment, and by the role. A rise takes two ways:
+action of its LS Type. The table RESPONSES says what its rise does: it depends on the end, on what
+the axis does at that moment, and on the role. A rise takes two ways:
 
     the message of a rise
       |

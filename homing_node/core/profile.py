@@ -140,7 +140,7 @@ class Profile:
             self._plan(_to_velocity(dynamics, acceleration, deceleration, velocity, now))
 
     def stop(self, deceleration: float | None = None) -> None:
-        """Come to rest with a deceleration, by default that of the present dynamics."""
+        """Come to rest with a deceleration, by default the one of the present dynamics."""
         if self.velocity == 0.0 and self.acceleration == 0.0:
             self._rest(self._time, self.position)
             return
@@ -245,8 +245,8 @@ class Profile:
         """Return the present, the path from there on that the controller is told, and its stop.
 
         The path is the plan up to ``horizon`` s from the present; then the axis stops with the
-        deceleration in use. Called after :meth:`update`: the present is that of its cycle, a
-        period and ``lead`` before the newest command. The path also tells what lies before.
+        deceleration in use. Called after :meth:`update`: the present is the time of its cycle,
+        a period and ``lead`` before the newest command. The path also tells what lies before.
         """
         present = self._time - self.period - self.lead
         while len(self._pieces) > 1 and self._pieces[1].time < present - REMEMBERED:
@@ -318,7 +318,7 @@ class Profile:
             _, self.dynamics = self._changes.pop(0)
 
     def _plan(self, *phases: Phase, jerk: float = 0.0) -> None:
-        """Replace the plan from the newest command on; ``jerk`` 0: that of the axis."""
+        """Replace the plan from the newest command on; ``jerk`` 0: the axis's."""
         time = self._time
         state = self.position, self.velocity, self.acceleration
         pieces, changes = until(self._pieces, time), []

@@ -14,7 +14,7 @@ from ..procedures.states import FeedbackClock
 AGREEMENT = 1e-3
 #: Even the quickest message of a publisher was on its way for longer: its clock is behind.
 BEHIND = 0.04
-#: How far a time may be wrong that is that of the arrival, s.
+#: How far a time may be wrong for which the arrival stands, s.
 FALLBACK_DOUBT = 0.02
 #: After a jump, stamps are believed again once their age is back within this of what it was.
 RETURNED = 5e-3

@@ -72,7 +72,7 @@ def others(node: str, publishers: Sequence[Endpoint], relays: Iterable[str] = ()
 
 
 def relay_of(node: str, p: AxisParameters) -> str:
-    """Return the full name of the relay that an axis names; ``node``: that of the homing node."""
+    """Return the full name of the relay that an axis names; ``node``: the homing node's name."""
     name = p.apply_service or RELAY
     return name if name.startswith('/') else f'{node.rpartition("/")[0]}/{name}'
 

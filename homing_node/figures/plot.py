@@ -94,8 +94,8 @@ def figure(
 
     ``beneath`` is another course, drawn lightly under it: the rehearsal of a recorded one.
     ``layout`` tells what stands along the axis, as far as it is known (hard stops may be
-    infinite); without it only what the course itself recorded is drawn. ``unit`` is that of the
-    positions, m or rad; m is shown as mm where the view is shorter than 2 m.
+    infinite); without it only what the course itself recorded is drawn. ``unit`` is the unit of
+    the positions, m or rad; m is shown as mm where the view is shorter than 2 m.
 
     Where the turns around home are too small to be seen, a panel shows them closely. The position
     diagram of a gantry has its followers, too, as far as the leader's encoder would show them, and

@@ -198,7 +198,7 @@ def _draw_index(
         return []
     each = _thinned((view[1] - view[0]) / layout.index_pitch)
     pitch, offset = layout.index_pitch * each, layout.index_offset
-    if course.outcome is not None:  # that of home is among them
+    if course.outcome is not None:  # the pulse at home is among them
         home = course.outcome.home_position_raw - offset
         offset += round(home / layout.index_pitch) * layout.index_pitch
     marks = [

@@ -41,7 +41,7 @@ class InvalidRecord(ValueError):
 
 
 class Record(NamedTuple):
-    """A course and what it is of; ``unit`` is that of a position, m or rad."""
+    """A course and its title; ``unit`` is the unit of its positions, m or rad."""
 
     course: Course
     title: str = ''
@@ -121,7 +121,7 @@ def _about(course: Course, title: str, unit: str) -> dict[str, Any]:
 
 
 def _courses(about: Mapping[str, Any], leader: Course) -> dict[str, Course]:
-    """Return a course for each side, by its full name; that of the leader by ''."""
+    """Return a course for each side, by its full name; the leader's by ''."""
     mirrored = dict(about.get('mirrored', {}))
     return {'': leader, **{name: Course(mirrored=bool(way)) for name, way in mirrored.items()}}
 

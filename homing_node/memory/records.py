@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is kept of an axis: whose file it is, where it rests, and each of its runs.
 
-Positions are raw, m or rad; times are seconds of the system's clock, which may be set back: the
-order of the runs is that of their numbers.
+Positions are raw, m or rad; times are seconds of the system's clock. It may be set back: the
+numbers of the runs give their order.
 """
 
 from collections.abc import Mapping

@@ -14,7 +14,7 @@ from zlib import crc32
 from .disk import Disk, replace_file
 from .records import FORMAT, MOST_RUNS, Head, Rest, Run, as_mapping, from_mapping
 
-#: What a line begins with; its checksum is that of all that follows.
+#: What a line begins with: the checksum of all that follows.
 BEGIN = '{"crc32":"%08x",'
 LENGTH = len(BEGIN % 0)
 

@@ -342,7 +342,7 @@ def _samples(
 
 
 def _inverted(found: Contents, name: str) -> frozenset[str]:
-    """Return the switches of a drive whose level on the wire is not that of the state."""
+    """Return the switches of a drive whose level on the wire differs from the state."""
     axis, _, follower = name.partition('.')
     wire = {
         topic.rpartition('/')[2]: messages[0].message.data

@@ -343,8 +343,8 @@ class Feed:
     def _lose(self, one: WiredInput, why: str, unread: bool = False) -> None:
         """Note that a message does not say an input; end a run that needs it.
 
-        Feedback that is no number is passed over, and so is that of other joints, which other
-        publishers of the topic send: its age ends a run.
+        A feedback that is no number is left out, and so are other joints, which other publishers
+        of the topic send: the age of the feedback ends a run.
         """
         one.lose(why)
         if one.is_temperature:

@@ -394,7 +394,7 @@ def _own(wired: list[WiredInput]) -> bool:
 
 
 def _must_be_heard(one: WiredInput) -> bool:
-    """Return whether a run needs to know a value before it starts: not that of a latch to come."""
+    """Return whether a run needs to know a value before it starts: a latch comes later."""
     return one.source not in LATCHES or one.written.counter is not None
 
 

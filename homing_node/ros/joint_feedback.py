@@ -24,8 +24,8 @@ class JointList:
 
     ``groups``: the axes with the same ``feedback_timeout`` and ``feedback_clock``, each with its
     place in the list; they judge a stamp alike. ``known``: the stamps that each axis last judged
-    by. ``others``: joints that no axis homes, with their places. ``number``: that of the newest
-    message; a new publisher counts from the beginning.
+    by. ``others``: joints that no axis homes, with their places. ``number``: the number of the
+    newest message; a new publisher counts from the beginning.
     """
 
     number = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the node tells a drive besides setpoints: by topics, and by what a driver offers for it.
+"""What the node tells a drive besides setpoints: by topics, services and command interfaces.
 
 `servo_on`, `torque_limit` and `arm_latch` of an axis are latched topics. Each may also be called
 as a service, or commanded as an interface of a group (gpio_controllers). Whatever way it goes, a

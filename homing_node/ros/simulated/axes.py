@@ -135,7 +135,7 @@ class SimulatedAxes:
         self._services.start()
 
     def close(self) -> None:
-        """Destroy the nodes beside that of the axes."""
+        """Destroy the other nodes of this process."""
         self._services.close()
         if self._second is not None:
             self._second.close()
@@ -277,7 +277,7 @@ class SimulatedAxes:
             self._front = axis.time
             if self._outputs[name, SERVO].publish(axis.enabled) and axis.timed_out:
                 self._logger.warning(
-                    f'{name}: no setpoint came after that of {axis.told:.6f}: '
+                    f'{name}: no setpoint came after {axis.told:.6f}: '
                     'the drive stops by itself, until its servo is switched off and on'
                 )
         for output in self._drivers:
