@@ -160,6 +160,48 @@ def test_after_missed_cycles_the_command_is_what_the_controller_has_come_to(elap
     assert one.velocity == pytest.approx(0.05)
 
 
+LATE_ORDERS = {
+    'cancel': (lambda p: p.stop(), 0.0),
+    'limit': (lambda p: p.brake_harder(2.0), 0.05),
+    'turn, then stop': (lambda p: (p.seek(-0.05, FAST), p.stop(1.0)), 0.0),
+    'move': (lambda p: p.move(0.2, FAST), 0.0),
+}
+
+
+@pytest.mark.parametrize('elapsed', [0.004, 0.05, 1.0])
+@pytest.mark.parametrize(('order', 'velocity'), LATE_ORDERS.values(), ids=LATE_ORDERS)
+def test_an_order_before_missed_cycles_acts_after_them(order, velocity, elapsed):
+    """A service has stopped the axis, say, and the next cycle comes late."""
+    one = profile(100)
+    (course,), _ = told(one)
+    order(one)
+    time = course.present + PERIOD + LEAD + elapsed
+    one.skip(elapsed)
+    before = one.position, one.velocity, one.acceleration
+    assert before == pytest.approx(state_at(course.path, time))
+    for _ in range(2000):
+        one.update()
+        assert abs(one.acceleration - before[2]) <= 10.0 * PERIOD * 1.001
+        assert abs(one.velocity - before[1]) <= 2.0 * PERIOD * 1.001
+        before = one.position, one.velocity, one.acceleration
+    assert one.velocity == pytest.approx(velocity)
+
+
+def test_an_order_of_an_earlier_cycle_is_not_repeated():
+    one = profile(100)
+    one.stop()
+    one.update()
+    told(one)
+    one.seek(-0.05, FAST)
+    one.update()
+    told(one)
+    one.skip(0.004)
+    assert one.velocity < 0.05
+    for _ in range(100):
+        one.update()
+    assert one.velocity == pytest.approx(-0.05)
+
+
 def test_a_plan_that_was_not_announced_waits():
     one = profile(100)
     position = one.position

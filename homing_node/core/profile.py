@@ -13,9 +13,10 @@ Source of the trajectories: L. Berscheid, T. Kroeger, "Jerk-limited Real-time Tr
 Generation with Arbitrary Target States", 2021 (ruckig).
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import copy
-from typing import NamedTuple
+from functools import partial, wraps
+from typing import Concatenate, NamedTuple, ParamSpec
 
 from ruckig import ControlInterface, InputParameter, Ruckig, RuckigError, Trajectory
 
@@ -66,6 +67,24 @@ class Order(NamedTuple):
     position: float | None = None
 
 
+Given = ParamSpec('Given')
+
+
+def _order(
+    method: Callable[Concatenate['Profile', Given], None],
+) -> Callable[Concatenate['Profile', Given], None]:
+    """Remember an order until the next update; see :meth:`Profile.skip`."""
+
+    @wraps(method)
+    def ordered(self: 'Profile', /, *args: Given.args, **kwargs: Given.kwargs) -> None:
+        if not self._orders:
+            self._before = copy(self)
+        self._orders = [*self._orders, partial(method, self, *args, **kwargs)]
+        method(self, *args, **kwargs)
+
+    return ordered
+
+
 class Profile:
     """The commanded position, velocity and acceleration of one axis, a cycle at a time.
 
@@ -91,6 +110,8 @@ class Profile:
         '_changes',
         '_order',
         '_announced',
+        '_orders',
+        '_before',
         '_tail',
         '_tail_of',
         '_problem',
@@ -115,8 +136,11 @@ class Profile:
         self._time = 0.0  # of the newest command
         self._pieces: list[Piece] = []
         self._announced: Stop | None = None  # what the controller was told last
+        self._orders: list[Callable[[], None]] = []  # since the last update
+        self._before: Profile | None = None  # as it was before them
         self._rest(0.0, position)
 
+    @_order
     def seek(self, velocity: float, dynamics: Dynamics) -> None:
         """Go to a velocity (signed) and keep it.
 
@@ -139,6 +163,7 @@ class Profile:
             _, acceleration, deceleration = dynamics
             self._plan(_to_velocity(dynamics, acceleration, deceleration, velocity, now))
 
+    @_order
     def stop(self, deceleration: float | None = None) -> None:
         """Come to rest with a deceleration, by default the one of the present dynamics."""
         if self.velocity == 0.0 and self.acceleration == 0.0:
@@ -148,6 +173,7 @@ class Profile:
         self._order = None
         self._plan(Phase(self.dynamics, limit, limit, 0.0))
 
+    @_order
     def stop_from(self, position: float, velocity: float, deceleration: float) -> None:
         """Come to rest from where the axis is at present, wherever the command is."""
         newest, self._time = self._time, self._time - self.lead
@@ -156,6 +182,7 @@ class Profile:
         self._plan(Phase(self.dynamics, deceleration, deceleration, 0.0))
         self._go_to(newest)
 
+    @_order
     def brake_harder(self, deceleration: float) -> None:
         """Brake with at least this deceleration on the way to a stop or a reversal.
 
@@ -170,6 +197,7 @@ class Profile:
             self._order = None
             self._plan(stop)
 
+    @_order
     def move(self, target: float, dynamics: Dynamics) -> None:
         """Go to a position and rest there."""
         self._order = Order(dynamics, dynamics.velocity, target)
@@ -178,11 +206,13 @@ class Profile:
         up, down = (acceleration, deceleration) if forward else (deceleration, acceleration)
         self._plan(Phase(dynamics, up, down, dynamics.velocity, target))
 
+    @_order
     def freeze(self) -> None:
         """Stop at once, with infinite deceleration."""
         begin = self._time - self.lead
         self._rest(begin, self.present)
 
+    @_order
     def come_back(self, position: float) -> None:
         """Go to where the axis is, quickly and without a step, because its drive is off.
 
@@ -207,6 +237,7 @@ class Profile:
         other.position += by
         other._pieces = [piece.moved(0.0, by) for piece in self._pieces]
         other._changes = list(self._changes)
+        other._orders, other._before = [], None
         if self._announced is not None:
             other._announced = self._announced.moved(by)
         order = self._order
@@ -238,6 +269,8 @@ class Profile:
         if self._problem:
             raise ArithmeticError(f'no trajectory: {self._problem}')
         self._go_to(self._time + self.period)
+        if self._orders:
+            self._orders, self._before = [], None
 
     # ---------------------------------------------------------------- what a controller is told
 
@@ -274,8 +307,20 @@ class Profile:
         """Let a time pass in which there was no cycle: the controller followed what it was told.
 
         A controller that is told single setpoints stood still meanwhile. The plan goes on where it
-        was: from rest, unless the pause was so short that the axis has hardly slowed down.
+        was: from rest, unless the pause was so short that the axis has hardly slowed down. Orders
+        since the last update, of which the controller knows nothing, act after the pause.
         """
+        orders, before = self._orders, self._before
+        if before is None:
+            self._skip(elapsed)
+            return
+        for name in self.__slots__:
+            setattr(self, name, getattr(before, name))
+        self._skip(elapsed)
+        for order in orders:
+            order()
+
+    def _skip(self, elapsed: float) -> None:
         told, order = self._announced, self._order
         if told is None:
             if elapsed <= STOOD_STILL:
