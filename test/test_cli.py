@@ -549,6 +549,13 @@ def test_a_run_needs_the_places_of_its_inputs(capsys):
     assert status == 2 and err.count('homing: part.yaml: axis x: a run needs to know where') == 2
     status, _, err = run(capsys, 'run', DEMO, '--layout', 'part.yaml', '--axis', 'y')
     assert status == 2 and "no axis 'y' in it, only x" in err
+    Path('part.yaml').write_text(
+        'x: {hard_stops: [0.0, 0.2], home_switch: [0.15, 0.16], start: 0.1,\n'
+        '    stays_off: [positive_limit_switch, negative_limit_switch]}'
+    )  # as a survey leaves it that has not come to them
+    status, out, _ = run(capsys, 'run', DEMO, '--layout', 'part.yaml', '--axis', 'x')
+    assert status == 0, out
+    assert 'nobody knows where positive_limit_switch, negative_limit_switch is' in out
 
 
 def test_what_becomes_of_a_faulty_configuration_is_told(capsys):

@@ -97,6 +97,11 @@ def test_dotted_names_as_ros_reads_them(tmp_path):
         ('x: {hard_stops: [0.2]}\n', 'hard_stops: .* is not a pair'),
         ('x: {}\ny: {}\nx: {}\n', 'layout.yaml:3: x stands there twice'),
         ('x:\n  lag: 0.1\n  lag: 0.2\n', 'layout.yaml:3: lag stands there twice'),
+        (
+            'x:\n  positive_limit_switch: [0.1, 0.2]\n  stays_off: [positive_limit_switch]\n',
+            'layout.yaml:3: x.stays_off: where positive_limit_switch is stands there, too',
+        ),
+        ('x:\n  stays_off: [home_switch]\n', 'layout.yaml:2: x.stays_off: '),
         ('x: 3\n', 'layout.yaml:1: x: 3 is not a mapping'),
         ('- x\n', 'expected the names of axes'),
         ('', 'expected the names of axes'),

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -23,13 +24,36 @@ COMMAND = 'import sys; from homing_node.cli import main; sys.exit(main())'
 REMAPPED = ['-r', '__ns:=/cell']
 
 
+#: An axis with three limit switches at each end.
+LIMITS = [f'{end}_limit_switch' for end in ('positive', 'negative')]
+ALL_LIMITS = {
+    'home_type': 'NearLS',
+    'near_ls_type': 'Dec',
+    'external_ls_type': 'Dec',
+    'switches': [kind + limit for kind in ('', 'near_', 'external_') for limit in LIMITS],
+}
+ALL_FLAGS = {
+    'near_positive_limit_switch': [0.066, 0.135],
+    'near_negative_limit_switch': [-0.055, 0.014],
+    'external_positive_limit_switch': [0.073, 0.135],
+    'external_negative_limit_switch': [-0.055, 0.007],
+}
+#: An axis with nothing but its hard stops.
+END = {
+    'home_type': 'MechanicalEndDetection',
+    'mechanical_end_detection_pos_diff': 0.002,
+    'switches': [],
+    'following_error': 0.01,
+}
+
+
 @pytest.fixture(scope='module')
 def world(tmp_path_factory):
-    axes = {'x': {}, 'y': {'pause_mode': True}}
+    axes = {'x': {}, 'y': {'pause_mode': True}, 'n': ALL_LIMITS, 'm': END}
     with ros.World(
         tmp_path_factory.mktemp('verbs'),
         ros.node_parameters(axes),
-        ros.plant_parameters({axis: {} for axis in axes}),
+        ros.plant_parameters({'x': {}, 'y': {}, 'n': ALL_FLAGS, 'm': {}}),
         NODE,
         REMAPPED,
         REMAPPED,
@@ -189,6 +213,12 @@ def test_jog(world, homing):
         assert [one.input for one in limit.edges][-1] == 'positive_limit_switch'
 
 
+def stated(text, key):
+    """Return how far a place of a layout file may be off, by its comment, m."""
+    number, unit = re.search(rf'^  {key}\w+: .*# ± ([\d.]+) (\w+)$', text, re.MULTILINE).groups()
+    return float(number) * {'m': 1.0, 'mm': 1e-3, 'µm': 1e-6}[unit]
+
+
 @pytest.mark.long
 def test_survey(world, homing, tmp_path, monkeypatch):
     """The layout that is written is the plant's, within what the file says."""
@@ -213,10 +243,57 @@ def test_survey(world, homing, tmp_path, monkeypatch):
 
 
 @pytest.mark.long
+def test_survey_of_near_limits_and_of_hard_stops(homing, tmp_path):
+    """The limits that the axis meets first are found; at a hard stop it says what stands there."""
+    path = tmp_path / 'n.yaml'
+    wanted = '--within', '0.07', '--velocity', '0.05', '--yes'
+    status, out, err = homing('survey', 'n', *wanted, '-o', str(path))
+    assert (status, err) == (0, ''), (out, err)
+    found, text = layout_file.load(path).layouts['n'], path.read_text()
+    upper, half = found.switches['near_positive_limit_switch'].on_from, stated(text, 'near_posi')
+    assert upper == pytest.approx(0.066, abs=half), text
+    lower, half = found.switches['near_negative_limit_switch'].on_to, stated(text, 'near_nega')
+    assert lower == pytest.approx(0.014, abs=half), text
+    assert set(found.stays_off) == set(ALL_LIMITS['switches']) - set(found.switches)
+    path = tmp_path / 'm.yaml'
+    status, out, err = homing('survey', 'm', *wanted, '-o', str(path))
+    assert status == 1 and err.startswith('homing: FollowingError: axis m: '), (out, err)
+    assert 'if it stands at a hard stop, write the stop into the file' in out
+    assert path.exists()
+
+
+@pytest.mark.long
+def test_ctrl_c_ends_a_survey_with_what_was_seen(world, tmp_path):
+    world.client.home('x')
+    path = tmp_path / 'x.yaml'
+    arguments = '--within', '0.03', '--velocity', '0.02', '--yes', '-o', str(path)
+    child = OnTerminal(world, 'survey', 'x', *arguments, columns=100)
+    states = world.client.record_states('x')
+    # Back from the upper limit, over the home switch: the first motion has ended, the second not.
+    world.client.until(
+        lambda: (
+            states
+            and states[-1].message.state == 'Jogging'
+            and states[-1].message.position < -0.01
+        ),
+        what='the way back',
+    )
+    child.process.send_signal(signal.SIGINT)
+    assert child.wait() == 130
+    text = ' '.join(child.written.split())
+    assert 'interrupted; the axes are at rest: Canceled: axis x' in text, text
+    assert 'Traceback' not in text
+    found = layout_file.load(path).layouts['x']
+    assert found.switches['positive_limit_switch'].on_from == pytest.approx(0.08, abs=2e-3)
+    assert 'the survey ended there, Canceled' in path.read_text()
+    world.client.until(lambda: states[-1].message.state == 'Idle', what='rest')
+
+
+@pytest.mark.long
 def test_watch(world, homing, monkeypatch):
     status, out, _ = homing('watch', '--once', '--json')
     told = json.loads(out)
-    assert status == 0 and set(told['axes']) == {'x', 'y'}
+    assert status == 0 and set(told['axes']) == {'x', 'y', 'n', 'm'}
     home = told['axes']['x']['inputs']['home_switch']
     assert home['source'] == f'{NODE}/x/home_switch' and home['rate'] == 'on change'
     piped = subprocess.Popen(

@@ -12,6 +12,7 @@ from homing_node.parameters.axis import axis_parameters
 from homing_node.parameters.units import Unit
 from homing_node.plant import layout_file
 from homing_node.plant.layout import AxisLayout, SwitchLayout
+from homing_node.plant.simulated_axis import SimulatedAxis
 from homing_node.procedures.states import Error, Input, LSDirection
 from homing_node.survey.edges import Kind, fit
 from homing_node.survey.index import Marks, marks_of
@@ -308,3 +309,24 @@ def test_a_layout_file_says_which_switches_are_normally_closed(tmp_path):
     path = tmp_path / 'machine.yaml'
     path.write_text(text)
     assert layout_file.load(path).layouts['x'].switches == flags
+
+
+def test_how_late_a_driver_may_be_is_said_where_it_is_not_known():
+    """At these velocities edges of 20 µm leave 8 ms open: more than switch_stamp_error covers."""
+    found = judge(WIRED, passes(GOOD, doubt=2e-5), OFF)
+    assert found.latest == pytest.approx(0.004, abs=2e-4) and not found.advice
+    assert any(f'switch_stamp_error: {found.latest:g} covers it' in one for one in found.unseen)
+    covered = judge(replace(WIRED, switch_stamp_error=found.latest), passes(GOOD, doubt=2e-5), OFF)
+    assert covered.latest == 0.0 and not any('drivers are later' in one for one in covered.unseen)
+
+
+def test_a_limit_that_stayed_off_is_in_the_file(tmp_path):
+    """And a rehearsal takes it as off; a home switch that was not seen is not there at all."""
+    parameters = replace(WIRED, invert_positive_ls_polarity=True)
+    found = judge(parameters, passes({DOWN: GOOD[DOWN]}), OFF)
+    path = tmp_path / 'x.yaml'
+    path.write_text(layout_text('x', found, Unit.m))
+    layout = layout_file.load(path).layouts['x']
+    assert layout.stays_off == {UP: SwitchLayout(inf, inf, inverted=True)}
+    assert set(layout.switches) == {DOWN}
+    assert SimulatedAxis(layout).levels() == {UP: True, DOWN: False}

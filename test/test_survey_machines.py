@@ -23,10 +23,14 @@ HS, UP, DOWN = 'home_switch', 'positive_limit_switch', 'negative_limit_switch'
 LENGTH, VELOCITY = 0.08, 0.04
 HOME_TYPES = (
     *('HS', 'HSHS', 'HSOff', 'HSZPulse', 'HSReverseZPulse', 'HSReverse', 'HSTouchProbe'),
-    *('HSOffZPulse', 'LS', 'LSLS', 'LSOff', 'LSReverseZPulse'),
+    *('HSOffZPulse', 'LS', 'LSLS', 'LSOff', 'LSReverseZPulse', 'HSOffReverse', 'ZPulse'),
+    *('NearLS', 'NearLSReverseZPulse', 'ExternalLSExternalLS', 'TouchProbe'),
+    *('MechanicalEndDetectionHS', 'MechanicalEndDetectionReverseZPulse'),
 )
 #: How many machines there are; the short suite has some of them.
 MACHINES = 20
+#: Runs, of which the mean is predicted: each is some polls longer or shorter.
+RUNS = 8
 
 
 def seeds(short):
@@ -69,17 +73,32 @@ def survey(parameters, layout, transport, velocity):
     return judge(parameters, plan.passes, levels, hard_stops=layout.hard_stops), plan
 
 
+def limits(home_type):
+    """Return the limit switches that an axis meets first, of the upper and of the lower end."""
+    kind = next((kind for kind in ('near_', 'external_') if kind[:-1] in home_type.lower()), '')
+    return kind + UP, kind + DOWN
+
+
+def polarity_of(name):
+    """Return the parameter that inverts a switch."""
+    return f'invert_{name}_polarity'.replace('home_switch', 'hs').replace('limit_switch', 'ls')
+
+
 def machine(seed):
     """Return a random machine: parameters that know how it is wired, layout, transport."""
     r = random.Random(seed)
+    home_type = HOME_TYPES[seed % len(HOME_TYPES)]
+    up, down = limits(home_type)
     low = r.uniform(-0.1, 0.1)
     high, room = low + LENGTH, r.uniform(0.010, 0.015)
     flag = low + r.uniform(0.3, 0.45) * LENGTH
     places = {
         HS: (flag, flag + r.choice([0.004, 0.01, 0.02])),
-        UP: (high - room, inf),
-        DOWN: (-inf, low + room),
+        up: (high - room, inf),
+        down: (-inf, low + room),
     }
+    if up != UP:  # a hardware limit stands beyond
+        places |= {UP: (high - room + 0.004, inf), DOWN: (-inf, low + room - 0.004)}
     inverted = {name: r.random() < 0.5 for name in places}
     flags = {
         name: SwitchLayout(*place, r.choice([0.0, 2e-5, 5e-4]), inverted[name])
@@ -94,17 +113,20 @@ def machine(seed):
         lag=r.choice([0.0, 0.004, 0.02]),
         start=r.uniform(low + room, high - room),
     )
-    polarity = {'hs': HS, 'positive_ls': UP, 'negative_ls': DOWN}
+    mechanical = home_type.startswith('MechanicalEnd')
     parameters = axis_parameters(
         {
-            'home_type': HOME_TYPES[seed % len(HOME_TYPES)],
+            'home_type': home_type,
             'home_direction': r.choice(['Positive', 'Negative']),
             'travel': LENGTH,
             'homing_velocity_fast': VELOCITY,
             'homing_velocity_slow': 0.005,
             'max_jerk': 100.0,
-            'switches': [HS, UP, DOWN, 'z_pulse', 'touch_probe'],
-            **{f'invert_{key}_polarity': inverted[name] for key, name in polarity.items()},
+            'switches': [*places, 'z_pulse', 'touch_probe'],
+            'near_ls_type': 'Dec',
+            'external_ls_type': 'Dec',
+            **({'mechanical_end_detection_pos_diff': 0.002} if mechanical else {}),
+            **{polarity_of(name): value for name, value in inverted.items()},
         }
     )
     transport = Transport(
@@ -134,8 +156,9 @@ def test_every_edge_is_within_its_uncertainty(seed):
     parameters, layout, transport = machine(seed)
     found, plan = survey(parameters, layout, transport, VELOCITY)
     assert plan.failure is None and found.doubts == []
-    expected = {f'{HS}[0]', f'{HS}[1]', f'{UP}[0]', f'{DOWN}[1]', 'index_pitch', 'index_offset'}
-    expected |= {f'{name}_hysteresis' for name in (HS, UP, DOWN)} | {'touch_probe'}
+    up, down = limits(parameters.home_type)
+    expected = {f'{HS}[0]', f'{HS}[1]', f'{up}[0]', f'{down}[1]', 'index_pitch', 'index_offset'}
+    expected |= {f'{name}_hysteresis' for name in (HS, up, down)} | {'touch_probe'}
     assert found.exact.keys() == expected
     for key, half in found.exact.items():
         off = true(found.layout, key) - true(layout, key)
@@ -151,23 +174,31 @@ def test_a_run_is_what_the_rehearsal_of_the_survey_says(seed):
     """What is proposed for the surveyed layout is right for the true one, too."""
     parameters, layout, transport = machine(seed)
     found, _ = survey(parameters, layout, transport, 0.25 * VELOCITY)
+    if found.latest:  # it says that a higher velocity tells more
+        found, _ = survey(parameters, layout, transport, VELOCITY)
+    if found.latest:  # or what covers it
+        parameters = replace(parameters, switch_stamp_error=found.latest)
     parameters = replace(parameters, **found.advice)
     proposed, wrong = put_right(parameters, found.layout)
     assert wrong == put_right(parameters, layout)[1]
-    if wrong:
-        return  # the touch plate is out of reach
-    low, high = layout.switches[DOWN].on_to, layout.switches[UP].on_from
+    assert not wrong
+    up, down = limits(parameters.home_type)
+    low, high = layout.switches[down].on_to, layout.switches[up].on_from
     start = low + 1e-3 if parameters.home_direction.sign > 0 else high - 1e-3
     predicted, real = (
         [
             Rehearsal(proposed, one, replace(transport, seed=one_seed), start).home()
-            for one_seed in range(3)  # equal runs are not equally long
+            for one_seed in range(RUNS)
         ]
         for one in (found.layout, layout)
     )
     for course in real:
         assert course.outcome.success, course.outcome.message
-    assert fmean(map(duration, predicted)) == pytest.approx(fmean(map(duration, real)), rel=0.02)
+    lasts = fmean(map(duration, real))
+    # What is open of the hysteresis is way at the slow velocity.
+    unknown = max(half for key, half in found.exact.items() if 'hysteresis' in key)
+    unknown /= proposed.homing_velocity_slow
+    assert abs(fmean(map(duration, predicted)) - lasts) <= 0.02 * lasts + unknown
     for one, other in zip(predicted, real, strict=True):
         doubt = one.outcome.uncertainty + other.outcome.uncertainty + max(found.exact.values())
         off = one.outcome.home_position_raw - other.outcome.home_position_raw

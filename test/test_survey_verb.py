@@ -3,17 +3,25 @@
 
 import io
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from math import inf
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from core_rig import HOME, HS, LIMIT_AHEAD, rig
 
 from homing_node.cli import main, survey
+from homing_node.cli.common import Failure
 from homing_node.core.jog import Jog
 from homing_node.parameters.axis import DEFINITIONS
 from homing_node.plant import layout_file
 from homing_node.procedures.states import LIMIT_SWITCHES, Error
+from homing_node.rehearsal.run import Rehearsal
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, after which the axis is known to rest."""
 
 
 class Client:
@@ -21,6 +29,7 @@ class Client:
 
     def __init__(self, made):
         self.made, self.set, self.jogs = made, {}, []
+        self.cut = None  # what ends which jog, and whether the axis is then known to rest
         made.home()
         made.axis.homed = False
 
@@ -66,12 +75,19 @@ class Client:
             outcome = made.jog(Jog(distance, velocity)).outcome
         finally:
             made.cycle = cycle
-        return SimpleNamespace(
+        result = SimpleNamespace(
             success=outcome.success,
             message='' if outcome.success else f'{outcome.error}: {outcome.message}',
             edges=outcome.jogged.edges if outcome.jogged else (),
             state=self.state('x'),
         )
+        if self.cut and len(self.jogs) == self.cut[0]:
+            ended = self.cut[1]
+            if isinstance(ended, Interrupted):
+                result.success, result.message = False, 'Canceled: axis x: canceled'
+                ended.result = result
+            raise ended
+        return result
 
     def set_parameters(self, axis, **values):
         self.set.update(values)
@@ -84,12 +100,16 @@ def surveyed(monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(survey, '_rates', lambda node, axis: {})
 
-    def run(one, *arguments, direction=1):
+    def run(one, *arguments, direction=1, cut=None):
         client = Client(one.rehearsal(direction))
+        client.cut = cut
 
         @contextmanager
         def connected(_):
-            yield client
+            try:
+                yield client
+            except TimeoutError as error:
+                raise Failure(str(error), status=1) from None
 
         monkeypatch.setattr(survey, 'connected', connected)
         status = main(['survey', 'x', '--within', '0.06', *arguments])
@@ -159,6 +179,33 @@ def test_a_motion_that_fails_ends_it_and_leaves_the_file(surveyed):
     assert len(client.jogs) == 1 and 'wrote x_layout.yaml' in out
 
 
+@pytest.mark.parametrize('ended', [Interrupted(), KeyboardInterrupt(), TimeoutError('it is gone')])
+def test_what_was_seen_is_kept_where_it_is_cut_short(surveyed, ended):
+    """By Ctrl-C, by a second one, by a node that dies: a true file, which says it is not whole."""
+    one = rig('HS').built(lag=0.01)
+    wanted = one, '--velocity', '0.05', '--yes'
+    status, out, err, _ = surveyed(*wanted, cut=(2, ended))
+    gone = isinstance(ended, TimeoutError)
+    assert (status, err) == (
+        (1, 'homing: it is gone\n') if gone else (130, 'homing: interrupted\n')
+    )
+    assert out.splitlines()[-1] == 'wrote x_layout.yaml' and 'doubt' not in out
+    assert ('ended there: it is gone' if gone else 'ended there, Canceled: ') in out
+    text = Path('x_layout.yaml').read_text()
+    assert 'and not to its end' in text and 'the survey ended there' in text
+    found = layout_file.load('x_layout.yaml').layouts['x']
+    assert found.switches[LIMIT_AHEAD].on_from == pytest.approx(0.09, abs=3e-3)
+
+
+def test_a_survey_that_has_met_nothing_leaves_no_file(surveyed):
+    one = rig('HS').built(start=0.03)
+    arguments = '--velocity', '0.05', '--yes', '--within', '0.001'
+    status, out, err, client = surveyed(one, *arguments, cut=(1, Interrupted()))
+    assert (status, err) == (130, 'homing: interrupted\n')
+    assert 'no edge was met till then: x_layout.yaml is not written' in out
+    assert len(client.jogs) == 1 and not Path('x_layout.yaml').exists()
+
+
 @pytest.mark.parametrize('home_type', ['NearLS', 'ExternalLS', 'MechanicalEndDetectionLS'])
 def test_all_limit_switches_are_found(surveyed, home_type):
     """Near and external ones, and those before a hard stop at which an axis homes."""
@@ -175,6 +222,13 @@ def test_all_limit_switches_are_found(surveyed, home_type):
     assert found.switches[first[1]].on_from == pytest.approx(first[0], abs=3e-4)
     assert found.switches[first[1]].on_to == inf
     assert 'not seen: negative_limit_switch: it stayed off' in out
+    assert 'negative_limit_switch' in found.stays_off
+    parameters = replace(client.made.axis.parameters, following_error=0.0)
+    hard_stops = (found.hard_stops[0], one.layout.hard_stops[1])  # written in by hand
+    course = Rehearsal(parameters, found._replace(hard_stops=hard_stops)).home()
+    assert course.outcome.success, course.outcome.message
+    true = Rehearsal(parameters, one.layout, position=found.start).home().outcome
+    assert course.outcome.home_position_raw == pytest.approx(true.home_position_raw, abs=3e-4)
 
 
 def test_a_hard_stop_in_the_way_is_no_doubt_about_a_switch(surveyed):

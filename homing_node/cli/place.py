@@ -68,7 +68,7 @@ def _unknown_places(parameters: AxisParameters, where: AxisLayout) -> Iterator[I
     """Yield the inputs whose place a run needs, and a layout does not tell."""
     for name in parameters.inputs:
         elsewhere = (Input.SERVO_ENABLED, Input.Z_PULSE, Input.TOUCH_PROBE)
-        if name not in where.switches and name not in elsewhere:
+        if not (name in where.switches or name in where.stays_off or name in elsewhere):
             yield name
     used = parameters.procedure.inputs
     if Input.Z_PULSE in used and (not where.index_pitch or isnan(where.index_offset)):

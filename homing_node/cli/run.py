@@ -172,6 +172,9 @@ def _place(
 ) -> AxisLayout:
     """Return an axis's layout if it has all that a run needs."""
     where = place_of(arguments.layout, layout, axis, parameters, str(arguments.config), followers)
+    if where.stays_off and not arguments.json:
+        names = ', '.join(where.stays_off)
+        print(f'axis {axis}: nobody knows where {names} is: rehearsed as off everywhere')
     low, high = where.hard_stops
     if arguments.start is not None and not low <= arguments.start <= high:
         raise Failure(

@@ -4,8 +4,9 @@
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,8 @@ run` read. The axis moves. Needs ROS.
 It jogs over every switch both ways, at two velocities, no further than --within from where the
 axis is. Every bound and stop of a homing run holds; a limit switch ends a motion, and the axis
 turns. Hold any key: the axis stops within a second of its release. With --yes no key is needed:
-keep a hand on the emergency stop.
+keep a hand on the emergency stop. Ctrl-C stops the axis and waits until it rests; the file has
+what was seen till then.
 """
 
 EXAMPLES = f"""\
@@ -101,16 +103,21 @@ def run(arguments: argparse.Namespace) -> int:
             flush=True,
         )
         with _deadman(arguments.yes) as held, Display(console()) as display:
-            while (move := plan.next()) is not None:
-                plan.add(_jog(client, axis, raw, move, held, display))
-                raw = plan.passes[-1].end
+            ended = _make(plan, raw, partial(_jog, client, axis, held, display))
         if not plan.passes:
             raise Failure('nothing was surveyed', status=FAILED)
+        if ended is not None and not any(one.edges for one in plan.passes):
+            print(f'no edge was met till then: {path} is not written')
+            raise ended
         found = judge(parameters, plan.passes, levels, rates)
         about = f'surveyed by `homing survey` within {unit.length(arguments.within)}'
+        if ended is not None:
+            about += ', and not to its end'
         text = layout_text(axis, found, unit, [about])
         written(path, lambda: _save(path, text))
         _tell(found, path)
+        if ended is not None:
+            raise ended
         failure = plan.failure
         if failure is not None:
             raise Failure(failure.message, status=FAILED)
@@ -164,26 +171,57 @@ def _deadman(yes: bool) -> Iterator[Callable[[], bool] | None]:
         yield key.held
 
 
+def _make(plan: Plan, begin: float, jog: Callable[[float, Move], Pass]) -> BaseException | None:
+    """Make the motions of a plan, from where the axis is; return what cut them short, if anything.
+
+    That is Ctrl-C, or a node that is gone: what was seen till then is worth a file.
+    """
+    move = None
+    try:
+        while (move := plan.next()) is not None:
+            plan.add(jog(begin, move))
+            begin = plan.passes[-1].end
+    except (KeyboardInterrupt, TimeoutError) as ended:
+        if move is not None:
+            plan.add(_cut_short(begin, move, ended))
+        return ended
+    return None
+
+
+def _cut_short(begin: float, move: Move, ended: BaseException) -> Pass:
+    """Return what is known of a motion that was cut short: all, if the axis is known to rest."""
+    result = getattr(ended, 'result', None)
+    if result is not None:
+        return _pass(begin, move, result)
+    interrupted = isinstance(ended, KeyboardInterrupt)
+    error = Error.Canceled if interrupted else Error.InternalError
+    return Pass(begin, begin, move.way * move.velocity, (), error, str(ended) or 'interrupted')
+
+
 def _jog(
     client: Any,
     axis: str,
-    begin: float,
-    move: Move,
     held: Callable[[], bool] | None,
     display: Display,
+    begin: float,
+    move: Move,
 ) -> Pass:
     """Make one motion."""
-    sign = 1.0 if move.distance > 0.0 else -1.0
     behind: list[float] = []
 
     def take(message: Any) -> None:
         done = 1.0 - message.distance_to_go / move.distance
         if 0.3 < done < 0.7:  # at its velocity
-            behind.append(sign * message.state.following_error)
+            behind.append(move.way * message.state.following_error)
         way = f'{message.distance_to_go:+.4g} to go'
         display.show(axis, str(message.state.state), max(0.0, done), 1.0, way)
 
     result = client.jog(axis, move.distance, move.velocity, held, take)
+    return _pass(begin, move, result, behind)
+
+
+def _pass(begin: float, move: Move, result: Any, behind: Sequence[float] = ()) -> Pass:
+    """Return what the result of a jog tells."""
     state = result.state
     edges = tuple(
         SeenEdge(Input(one.input), one.level, one.position, one.uncertainty, one.velocity)
@@ -191,7 +229,8 @@ def _jog(
     )
     error = Error.NoError if result.success else _error(result.message)
     end = state.position + (state.home_offset if state.homed else 0.0)
-    return Pass(begin, end, sign * move.velocity, edges, error, str(result.message), tuple(behind))
+    message = str(result.message)
+    return Pass(begin, end, move.way * move.velocity, edges, error, message, tuple(behind))
 
 
 def _error(message: str) -> Error:

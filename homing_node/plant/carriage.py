@@ -137,10 +137,9 @@ class Carriage:
                 f'position {self.position} is beyond the hard stops [{self._low}, {self._high}]'
             )
         self.time = 0.0
+        fitted = {**layout.stays_off, **layout.switches}
         self._switches = [
-            _Switch(name, layout.switches[name], self.position)
-            for name in SWITCHES
-            if name in layout.switches
+            _Switch(name, fitted[name], self.position) for name in SWITCHES if name in fitted
         ]
         self._index = (
             _Index(layout.index_offset, layout.index_pitch, self.position)

@@ -24,7 +24,7 @@ FOLLOWER: Mapping[str, Definition] = table(
     *(
         replace(definition, default=None) if definition.required else definition
         for name, definition in LAYOUT.items()
-        if name != 'followers'
+        if name not in ('followers', 'stays_off')
     ),
     Definition(
         'stiffness of the spring between it and the leader (0: nothing joins them)',

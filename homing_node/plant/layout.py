@@ -5,6 +5,7 @@ Positions are raw positions in m (linear axis) or rad (rotary axis), times in s.
 """
 
 from collections.abc import Mapping
+from math import inf
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -38,13 +39,19 @@ class SwitchLayout(NamedTuple):
     inverted: bool = False
 
 
+#: A switch that is on nowhere.
+NOWHERE = SwitchLayout(inf, inf)
+
+
 class AxisLayout(NamedTuple):
     """Where things are on an axis, in raw positions, m or rad.
 
     `hard_stops` is the lower and the upper end. `switches` has the fitted switches by input name
-    (`SWITCHES`). Index pulses are at `index_offset` + k · `index_pitch` for all whole k; a pitch
-    of 0 means that there is no index. `touch_probe` is the position of the touch plate. `lag` is
-    the first-order time constant between command and feedback in s. `start` is the first position.
+    (`SWITCHES`). `stays_off` has the limit switches of which nobody knows where they are, only
+    that they were off wherever a survey was: `NOWHERE`. Index pulses are at `index_offset` + k ·
+    `index_pitch` for all whole k; a pitch of 0 means that there is no index. `touch_probe` is the
+    position of the touch plate. `lag` is the first-order time constant between command and
+    feedback in s. `start` is the first position.
 
     `command_timeout` in s: a drive that hears no setpoint keeps its velocity for that long, then
     stops with `stop_dec` (m or rad per s²) and heeds setpoints no more until its servo is switched
@@ -62,6 +69,7 @@ class AxisLayout(NamedTuple):
 
     hard_stops: tuple[float, float]
     switches: Mapping[str, SwitchLayout]
+    stays_off: Mapping[str, SwitchLayout] = MappingProxyType({})
     index_pitch: float = 0.0
     index_offset: float = 0.0
     touch_probe: float | None = None
@@ -109,6 +117,7 @@ def mirrored(layout: AxisLayout) -> AxisLayout:
             other.get(name, name): switch._replace(on_from=-switch.on_to, on_to=-switch.on_from)
             for name, switch in layout.switches.items()
         },
+        stays_off={other[name]: switch for name, switch in layout.stays_off.items()},
         index_offset=-layout.index_offset,
         touch_probe=None if layout.touch_probe is None else -layout.touch_probe,
         start=-layout.start,
@@ -170,6 +179,13 @@ LAYOUT: Mapping[str, Definition] = table(
         name='inverted',
         default=(),
         names=SWITCHES,
+    ),
+    Definition(
+        'limit switches that were off wherever a survey was: where they are is not known',
+        tuple,
+        name='stays_off',
+        default=(),
+        names=tuple(map(str, LIMIT_SWITCHES)),
     ),
     length('index_pitch', 'distance between index pulses (0: no index)', 0.0, 0.0),
     length('index_offset', 'position of one index pulse', 0.0),

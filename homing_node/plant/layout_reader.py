@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from ..parameters.definition import Interval, InvalidParameters, read
 from .gantry_layout import follower_layout, gantry_faults, split
-from .layout import FURTHEST, LAYOUT, SWITCHES, AxisLayout, SwitchLayout
+from .layout import FURTHEST, LAYOUT, NOWHERE, SWITCHES, AxisLayout, SwitchLayout
 
 
 def layouts_from(mapping: Mapping[str, object]) -> dict[str, AxisLayout]:
@@ -53,20 +53,28 @@ def _layout(entries: Mapping[str, object]) -> tuple[AxisLayout, list[str]]:
     if stops.low == stops.high:
         faults.append(f'hard_stops: both are {stops.low} m or rad, which leaves no travel')
     switches = {}
+    off = good.get('stays_off', ())
     for name in SWITCHES:
         if name not in entries:
             if f'{name}_hysteresis' in entries:
                 faults.append(f'{name}_hysteresis: {name} is not given')
-            if name in inverted:
+            if name in inverted and name not in off:
                 faults.append(f'inverted: {name} is not given')
         elif good.get(name) is not None:
             low, high = good[name]
             hysteresis = good.get(f'{name}_hysteresis', 0.0)
             switches[name] = SwitchLayout(low, high, hysteresis, name in inverted)
+            if name in off:
+                faults.append(f'stays_off: where {name} is stands there, too')
     start = good.get('start', stops.low)
     if not stops.low <= start <= stops.high:
         faults.append(
             f'start: {start} m or rad must be within hard_stops, [{stops.low}, {stops.high}]'
         )
     plain = {key: good[key] for key in AxisLayout._fields if key in good}
-    return AxisLayout(**plain | {'hard_stops': tuple(stops), 'switches': switches}), faults
+    found = {
+        'hard_stops': tuple(stops),
+        'switches': switches,
+        'stays_off': {name: NOWHERE._replace(inverted=name in inverted) for name in off},
+    }
+    return AxisLayout(**plain | found), faults

@@ -3,11 +3,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf
+from math import ceil, inf
 from typing import NamedTuple
 
 from ..parameters.axis import AxisParameters
-from ..plant.layout import AxisLayout, SwitchLayout
+from ..plant.layout import NOWHERE, AxisLayout, SwitchLayout
 from ..procedures.states import LATCHES, LIMIT_PAIRS, LIMIT_SWITCHES, Error, Input, LSDirection
 from .edges import LONGEST_DELAY, Fit, Kind, Range, fit
 from .index import Marks, marks_of
@@ -50,6 +50,8 @@ class Survey:
             ``key[0]`` and ``key[1]``.
         doubts: What only a person can settle.
         advice: Parameters that should have another value, and that value.
+        latest: How late a driver may be, s, where that is more than ``switch_stamp_error`` covers
+            and not known better; 0: it is covered.
         seen: What was measured besides, in words.
         unseen: What could not be seen, in words.
     """
@@ -58,6 +60,7 @@ class Survey:
     exact: dict[str, float] = field(default_factory=dict)
     doubts: list[Doubt] = field(default_factory=list)
     advice: dict[str, float] = field(default_factory=dict)
+    latest: float = 0.0
     seen: list[str] = field(default_factory=list)
     unseen: list[str] = field(default_factory=list)
 
@@ -102,8 +105,9 @@ class _Judgement:
                 self._take(edge, abs(one.velocity))
         self._switches: dict[str, SwitchLayout] = {}
         start = passes[0].begin
+        self._off: dict[str, SwitchLayout] = {}
         self._late: list[Range] = []  # how late the drivers are
-        self._found = Survey(AxisLayout(hard_stops, self._switches, start=start))
+        self._found = Survey(AxisLayout(hard_stops, self._switches, self._off, start=start))
 
     def _take(self, edge: SeenEdge, velocity: float) -> None:
         """Take an edge of a pass that was to go at a velocity."""
@@ -146,9 +150,10 @@ class _Judgement:
         last = self._passes[-1]
         if self._ended_early:
             said = last.message.removeprefix(f'{last.error}: ')
+            named = '' if last.error is Error.InternalError else f', {last.error}'
             self._found.unseen.append(
-                f'what is beyond {last.end:.6g} {self._p.unit}: the survey ended there, '
-                f'{last.error}: {said}'
+                f'what is beyond {last.end:.6g} {self._p.unit}: the survey ended there'
+                f'{named}: {said}'
             )
         if last.error is Error.FollowingError:
             self._found.unseen.append(
@@ -241,9 +246,18 @@ class _Judgement:
         common: Range | None = Range(-inf, inf)
         for delay in self._late:
             common = common and common.common(delay)
-        if not self._late or common is None or common.low <= 0.0 <= common.high:
+        if not self._late or common is None:
             return
         now, error = self._p.switch_latency, self._p.switch_stamp_error
+        if common.low <= 0.0 <= common.high:
+            if common.high > error:
+                self._found.latest = latest = _up(common.high)
+                self._found.unseen.append(
+                    f'whether the drivers are later than {1e3 * error:g} ms (switch_stamp_error): '
+                    f'they may be {1e3 * latest:g} ms late; a survey with a higher --velocity '
+                    f'tells, and switch_stamp_error: {latest:g} covers it'
+                )
+            return
         right, doubt = round(now + common.middle, 4), round(error + common.half, 4)
         self._found.advice |= {'switch_latency': right, 'switch_stamp_error': doubt}
         self._found.seen.append(
@@ -306,6 +320,8 @@ class _Judgement:
             self._doubt_polarity(name, f'on all the way {way}')
         else:
             self._found.unseen.append(f'{name}: it stayed off {way}')
+            if name in LIMIT_SWITCHES:
+                self._off[name] = NOWHERE._replace(inverted=self._p.inverted(name))
 
     # ------------------------------------------------------------------------------- index, probe
 
@@ -362,6 +378,11 @@ class _Judgement:
                     f'{unit.length(one.overrun)} behind a limit switch'
                 )
                 break
+
+
+def _up(delay: float) -> float:
+    """Return a delay rounded up to 0.1 ms."""
+    return ceil(1e4 * delay) / 1e4
 
 
 def _end(kinds: Fit, end: tuple[Kind, Kind], way: int, hysteresis: Range | None) -> Range | None:

@@ -20,6 +20,11 @@ class Move(NamedTuple):
     distance: float
     velocity: float
 
+    @property
+    def way(self) -> int:
+        """The sign of the motion."""
+        return 1 if self.distance > 0.0 else -1
+
 
 class Plan:
     """The motions of a survey, one after another.

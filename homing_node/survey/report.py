@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from math import inf, isnan
 
 from ..parameters.units import Unit
-from ..plant.layout import LAYOUT, SWITCHES, AxisLayout
+from ..plant.layout import LAYOUT, SWITCHES
 from .judgement import Survey
 
 #: The keys of a layout that a survey finds, besides the switches, in the order of the file.
@@ -47,9 +47,12 @@ def _entries(survey: Survey, unit: Unit) -> Iterator[str]:
         key = f'{name}_hysteresis'
         if key in exact:
             yield f'{key}: {_number(flag.hysteresis)}  # ± {unit.length(exact[key])}'
-    inverted = [name for name in SWITCHES if name in layout.switches and _inverted(layout, name)]
+    flags = {**layout.stays_off, **layout.switches}
+    inverted = [name for name in SWITCHES if name in flags and flags[name].inverted]
     if inverted:
         yield f'inverted: [{", ".join(inverted)}]'
+    if layout.stays_off:
+        yield f'stays_off: [{", ".join(layout.stays_off)}]'
     for key in OTHERS:
         value = getattr(layout, key)
         if value is None or (key != 'start' and value == LAYOUT[key].default) or isnan(value):
@@ -58,10 +61,6 @@ def _entries(survey: Survey, unit: Unit) -> Iterator[str]:
         yield f'{key}: {_number(value)}{comment}'
     if layout.switch_rate is not None:
         yield f'switch_rate: {_number(layout.switch_rate)}'
-
-
-def _inverted(layout: AxisLayout, name: str) -> bool:
-    return layout.switches[name].inverted
 
 
 def _pair(low: float, high: float) -> str:
