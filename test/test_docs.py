@@ -87,8 +87,12 @@ def test_yaml(block, tmp_path):
         configuration({**read(file).values, **found})
 
 
-def test_homing_commands(tmp_path, monkeypatch, capsys):
-    """What other pages than the tutorial show of the command line works on README's axis."""
+@pytest.mark.parametrize('slow', [False, pytest.param(True, marks=pytest.mark.long)])
+def test_homing_commands(tmp_path, monkeypatch, capsys, slow):
+    """What other pages than the tutorial show of the command line works on README's axis.
+
+    Those are slow that rehearse a gantry, or runs from everywhere.
+    """
     pages = [b.text for b in BLOCKS if b.language == 'bash' and b.page not in (TUTORIAL, GUIDE)]
     found = [
         shlex.split(line, comments=True)
@@ -121,6 +125,8 @@ def test_homing_commands(tmp_path, monkeypatch, capsys):
     (kept,) = Path('kept').glob('*.mcap')
     kept.rename('run.mcap')
     for words in map(list, dict.fromkeys(map(tuple, found))):
+        if slow is not any(one in words for one in ('--all-starts', 'config/gantry.yaml')):
+            continue
         if '--all-starts' in words:
             words += ['--starts', '5']
         if words[1] == 'convert':

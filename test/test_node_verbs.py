@@ -119,10 +119,10 @@ class OnTerminal:
 
 
 def paused(world, axis):
-    """Wait until an axis is paused."""
+    """Wait until an axis is paused; return its states, which are recorded on."""
     states = world.client.record_states(axis)
     world.client.until(lambda: states and states[-1].message.paused, what=f'{axis} to pause')
-    world.client.forget(states)
+    return states
 
 
 def test_home_and_verify_without_a_terminal(homing):
@@ -145,6 +145,7 @@ def test_a_refused_request(homing):
     assert status == 1 and (told['ok'], told['error']) == (False, 'NotHomed')
 
 
+@pytest.mark.long
 def test_continue_lets_a_paused_axis_go_on(world, homing):
     child = OnTerminal(world, 'home', 'y', columns=100)
     paused(world, 'y')
@@ -161,23 +162,23 @@ def test_continue_lets_a_paused_axis_go_on(world, homing):
 
 def test_ctrl_c_cancels_and_waits_for_rest(world, homing):
     child = OnTerminal(world, 'home', 'y', NO_COLOR='1')
-    paused(world, 'y')
+    states = paused(world, 'y')
+    assert homing('continue', 'y') == (0, 'y: it goes on\n', '')
+    world.client.until(lambda: not states[-1].message.paused, what='y to go on')
     child.process.send_signal(signal.SIGINT)
     assert child.wait() == 130
     text = ' '.join(child.written.split())
     assert 'interrupted; the axes are at rest: Canceled: axis y' in text
     assert 'Traceback' not in text
     assert '\x1b[3' not in text  # no colour
-    states = world.client.record_states('y')
-    world.client.until(lambda: states)
-    assert states[-1].message.state == 'Idle' and states[-1].message.error == 'Canceled'
+    world.client.until(lambda: states[-1].message.state == 'Idle', what='rest')
+    assert states[-1].message.error == 'Canceled'
 
 
 def test_jog(world, homing):
-    """The action, beside a home that stays; stopped by the deadman, by a limit, and refused."""
-    client = world.client
-    client.home('x')
+    """The action, beside a home that stays; ended by a limit, and refused."""
     with HomingClient(NODE) as user:
+        assert user.home('x')
         before = user.state('x')
         feedback = []
         away = user.jog('x', -0.02, 0.04, lambda: True, feedback.append)
@@ -187,23 +188,13 @@ def test_jog(world, homing):
         assert (edge.input, edge.level) == ('home_switch', False)
         assert edge.position == pytest.approx(0.05495, abs=2 * edge.uncertainty)
         assert -0.045 < edge.velocity < 0.0
-        now = client.node.get_clock().now().nanoseconds * 1e-9
+        now = world.client.node.get_clock().now().nanoseconds * 1e-9
         assert 0.0 < now - edge.stamp.sec - edge.stamp.nanosec * 1e-9 < 10.0
         assert {one.state.state for one in feedback} >= {'Jogging'}
         assert -0.021 < min(one.distance_to_go for one in feedback) < -0.005
         state = away.state
         assert state.homed and state.home_offset == before.home_offset
         assert state.position == pytest.approx(before.position - 0.02, abs=2e-4)
-
-        def until_it_moves():
-            return not any(abs(one.distance_to_go) < 0.035 for one in feedback[known:])
-
-        known = len(feedback)
-        released = user.jog('x', 0.04, 0.02, until_it_moves, feedback.append)
-        assert released.error_code == AxisState.CANCELED and 'deadman' in released.message
-        never = user.jog('x', 0.01, 0.02, lambda: False)
-        assert never.error_code == AxisState.CANCELED and 'no true on /cell/' in never.message
-        assert not user.state('x').paused and user.state('x').homed
         fast = user.jog('x', 0.01, 0.2)
         assert fast.error_code == AxisState.INVALID_PARAMETER
         assert '0.2 m/s must be <= homing_velocity_fast, 0.05 m/s' in fast.message
@@ -211,6 +202,23 @@ def test_jog(world, homing):
         limit = user.jog('x', 0.08, 0.05)
         assert limit.error_code == AxisState.LS_TRIGGERED
         assert [one.input for one in limit.edges][-1] == 'positive_limit_switch'
+
+
+@pytest.mark.long
+def test_a_jog_ends_with_its_deadman(world, homing):
+    """Where it is released, and where it never comes."""
+    with HomingClient(NODE) as user:
+        assert user.home('x')
+        feedback = []
+
+        def until_it_moves():
+            return not any(abs(one.distance_to_go) < 0.015 for one in feedback)
+
+        released = user.jog('x', -0.02, 0.02, until_it_moves, feedback.append)
+        assert released.error_code == AxisState.CANCELED and 'deadman' in released.message
+        never = user.jog('x', -0.01, 0.02, lambda: False)
+        assert never.error_code == AxisState.CANCELED and 'no true on /cell/' in never.message
+        assert not user.state('x').paused and user.state('x').homed
 
 
 def stated(text, key):
@@ -312,9 +320,14 @@ def test_watch(world, homing, monkeypatch):
     assert any(' s  x: SecondHSSearch' in line for line in first)
 
 
-def test_there_is_no_such_node(homing, monkeypatch):
-    monkeypatch.setattr(live, 'PATIENCE', 6.0)  # discovery takes seconds on a busy machine
+def test_there_is_no_such_node(world, homing, monkeypatch):
+    with HomingClient(NODE) as user:
+        assert user.wait_for_node() and user.others() == [NODE]
+    assert live.absent('/homing_node', [NODE], 'home') == [
+        'there is no homing node /homing_node',
+        f'there is {NODE}: homing home --node {NODE}',
+    ]
+    monkeypatch.setattr(live, 'PATIENCE', 0.2)
     status, out, err = homing('home', 'x', node='/homing_node')
     assert (status, out) == (2, '')
-    assert 'there is no homing node /homing_node' in err
-    assert f'there is {NODE}: homing home --node {NODE}' in err
+    assert err.startswith('homing: there is no homing node /homing_node\nhoming: there is ')
