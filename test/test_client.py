@@ -243,9 +243,9 @@ DRY_RUNS = {
         '',
     ),
     'nothing is known': (
-        Answer(True, 'dry run: nothing is missing', (), ('z',), (math.nan,)),
+        Answer(True, 'dry run: nothing is missing; z: why', (), ('z',), (math.nan,)),
         0,
-        'step 1: z: how long is not known yet\nnothing is missing\n',
+        'step 1: z: how long is not known\nnothing is missing; z: why\n',
         '',
     ),
     'all are homed': (

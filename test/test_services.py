@@ -32,7 +32,9 @@ def test_what_was_told_before_a_request_counts_before_it():
     memories = SimpleNamespace(look=look)
     said = []
     log = SimpleNamespace(warning=said.append)
-    services = Services(SimpleNamespace(home=home), None, clock, lock, poll, None, memories, log)
+    services = Services(
+        SimpleNamespace(home=home), None, clock, lock, poll, None, memories, None, log
+    )
     serving = services.home(['x'], 'me')(None, SimpleNamespace())
     try:
         serving.send(None)

@@ -76,13 +76,13 @@ def _preview(arguments: argparse.Namespace, answer: Any) -> int:
     if not answer:
         missing = answer.missing or [answer.message]
         raise Failure(*(f'missing: {one}' for one in missing), status=FAILED)
-    print('nothing is missing')
+    print(answer.message.removeprefix('dry run: '))
     return OK
 
 
 def seconds(duration: float) -> str:
     """Return how long something takes, in words."""
-    return 'how long is not known yet' if math.isnan(duration) else f'about {duration:.1f} s'
+    return 'how long is not known' if math.isnan(duration) else f'about {duration:.1f} s'
 
 
 def request(

@@ -53,6 +53,7 @@ class Configuration(NamedTuple):
     marker_frame: str
     lifecycle: bool = False
     coordinated: bool = False
+    layout: str = ''
     followers: Mapping[str, Mapping[str, AxisParameters]] = MappingProxyType({})
 
     @property
@@ -144,6 +145,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
         node['marker_frame'],
         node['lifecycle'],
         node['coordinated'],
+        node['layout'],
         followers,
     )
     joints = checked.position_joints or tuple(checked.joints.values())

@@ -26,6 +26,7 @@ RESERVED = frozenset(
         'get_available_transitions',
         'get_state',
         'get_transition_graph',
+        'layout',
         'lifecycle',
         'locks',
         'transition_event',
@@ -184,6 +185,13 @@ NODE_DEFINITIONS: Mapping[str, Definition] = table(
         str,
         name='marker_frame',
         default='<joint>',
+    ),
+    Definition(
+        'file of where things are along the axes (YAML), with which it is rehearsed how long they '
+        'take that have not homed yet (empty: it is not rehearsed)',
+        str,
+        name='layout',
+        default='',
     ),
     Definition(
         'be a managed node: requests are accepted once it is configured and activated',

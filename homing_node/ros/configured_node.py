@@ -42,6 +42,7 @@ FIXED = (
     'serialized',
     'memory',
     'record',
+    'layout',
     'lifecycle',
     'coordinated',
     'joint',
@@ -61,6 +62,7 @@ OF_SEVERAL = (
     'record_runs',
     'record_failures',
     'marker_frame',
+    'layout',
     'lifecycle',
     'coordinated',
 )

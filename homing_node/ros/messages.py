@@ -184,15 +184,25 @@ def _warned(text: str, outcome: Outcome) -> str:
     return ' | warning: '.join([text, *outcome.warnings])
 
 
-def dry_run(run: DryRun, durations: Sequence[float], states: Sequence[AxisState]) -> Home.Result:
-    """Return the answer to a dry run: the order, the time of each step, what is missing."""
+def dry_run(
+    run: DryRun, durations: Sequence[float], unknown: str, states: Sequence[AxisState]
+) -> Home.Result:
+    """Return the answer to a dry run.
+
+    Args:
+        run: The order, and what is missing.
+        durations: The time of each step, s; NaN if it is not known.
+        unknown: Which times are not known, and why.
+        states: The state of each axis.
+    """
+    nothing = '; '.join(filter(None, ('dry run: nothing is missing', unknown)))
     first = run.missing[0][1] if run.missing else None
     missing = [
         ': '.join(filter(None, (name, str(one.error), one.message))) for name, one in run.missing
     ]
     return Home.Result(
         success=not missing,
-        message=f'{first.error}: {first.message}' if first else 'dry run: nothing is missing',
+        message=f'{first.error}: {first.message}' if first else nothing,
         error_code=ERROR_CODES[first.error] if first else 0,
         states=list(states),
         steps=[', '.join(group) for group in run.groups],

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The homing node: topics, services and parameters around the axes.
 
-Five threads. The *cycle* (cycle.py) polls the inputs, updates the axes and publishes setpoints on
-a fixed grid. The *executor* (the main thread) answers services and parameters. The *reports*
-publish all that is not a setpoint. The *memory* and the *recorder* write files. ``_lock`` guards
-the axes; nothing is published or waited for while it is held.
+Five threads, and a sixth with `layout`. The *cycle* (cycle.py) polls the inputs, updates the axes
+and publishes setpoints on a fixed grid. The *executor* (the main thread) answers services and
+parameters. The *reports* publish all that is not a setpoint. The *memory* and the *recorder* write
+files. The *rehearsals* wait for processes of their own. ``_lock`` guards the axes; nothing is
+published or waited for while it is held.
 """
 
 import threading
@@ -46,6 +47,7 @@ from .memory import Memories
 from .outputs import Outputs
 from .readiness import Readiness
 from .recorder import recorder_of
+from .rehearsals import Rehearsals
 from .reports import Publishers, Reports, StateReport
 from .services import Services
 from .setpoints import INTERFACES, PositionSetpoints
@@ -139,6 +141,7 @@ class HomingNode(ConfiguredNode):
             self._lock,
             group,
         )
+        self._rehearsals = Rehearsals(self, self._axes, self._memories.expected, self._lock)
         self._recorder = recorder_of(self, self._axes, self._timebase, self._lock)
         self._create_publishers()
         self._create_services(group)
@@ -247,6 +250,7 @@ class HomingNode(ConfiguredNode):
             self._inputs.poll,
             self._waits.pause,
             self._memories,
+            self._rehearsals,
             self.get_logger(),
         )
 
@@ -321,6 +325,7 @@ class HomingNode(ConfiguredNode):
             else:
                 self._axes[axis].configure(parameters)
             self._memories.configure(axis, parameters)
+            self._rehearsals.renew(axis)
             self._inputs.wire(axis, self.connections_of(axis))
             self._note_wiring()
 
@@ -365,6 +370,7 @@ class HomingNode(ConfiguredNode):
         self._writer = threading.Thread(target=self._memories.run, args=(ended,), name='memory')
         self._writer.start()
         self._recorder.start(ended)
+        self._rehearsals.start(ended)
 
     def stop(self) -> None:
         """Stop every axis, answer every request, then finish."""
@@ -392,6 +398,7 @@ class HomingNode(ConfiguredNode):
         self._cycle.join()
         self._writer.join()
         self._recorder.join()
+        self._rehearsals.join()
 
     @property
     def finished(self) -> bool:

@@ -23,6 +23,7 @@ from ..memory.expected import longest
 from ..procedures.states import Error
 from . import messages
 from .memory import Memories
+from .rehearsals import Rehearsals
 from .reports import Reports
 from .timebase import TimeBase
 
@@ -63,11 +64,13 @@ class Services:
         poll: Callable[[], None],
         pause: Callable[[float], Future],
         memories: Memories,
+        rehearsals: Rehearsals,
         logger: Any,
     ) -> None:
         self._dispatch, self._reports = dispatch, reports
         self._timebase, self._lock, self._poll = timebase, lock, poll
         self._pause, self._memories, self._logger = pause, memories, logger
+        self._rehearsals = rehearsals
         self._goals: dict[bytes, Request] = {}
         self.open = 0
 
@@ -203,13 +206,14 @@ class Services:
             self._poll()
             self._memories.look()
             run = self._dispatch.preview(names, self._timebase.polled)
-            durations = [longest([*map(self._memories.expected, group)]) for group in run.groups]
+            durations = [longest([*map(self._rehearsals.expected, group)]) for group in run.groups]
+            unknown = self._rehearsals.unknown([name for group in run.groups for name in group])
             states = self._reports.states(names)
         if run.missing:
             goal.abort()
         else:
             goal.succeed()
-        return messages.dry_run(run, durations, states)
+        return messages.dry_run(run, durations, unknown, states)
 
     def cancel_goal(self, goal: Any) -> None:
         """Stop what a goal homes; its result comes when its axes are at rest."""
