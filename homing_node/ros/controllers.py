@@ -122,6 +122,7 @@ class Controllers:
         self._asking: list[Listener] = []  # those that were there when the managers were asked
         self._managers: dict[str, ManagerList] = {}  # by the service
         self._counts = (-1, -1)
+        self._twins = False  # another node has our name
         self._read = self._ask = 0.0
         self._open = False  # the managers were asked, their answers are not all taken
         #: Replaced as a whole: the cycle may read it at any time.
@@ -145,11 +146,12 @@ class Controllers:
 
     def conflict(self) -> Outcome | None:
         """Return who else publishes the setpoints now, else None."""
-        topic = self._publisher.topic_name
-        if self._node.count_publishers(topic) < 2:
-            return None
-        own = self._node.get_fully_qualified_name()
-        second = others(own, graph.publishers(self._node, topic), self._relays())
+        topic, own = self._publisher.topic_name, self._node.get_fully_qualified_name()
+        second: list[str] = []
+        if self._node.count_publishers(topic) > 1:
+            second = others(own, graph.publishers(self._node, topic), self._relays())
+        elif self._twins:  # a discovery server tells nobody of a topic that it publishes only
+            second = [own]
         if not second:
             return None
         return Outcome(
@@ -178,7 +180,8 @@ class Controllers:
 
     def _read_graph(self) -> None:
         found: dict[str, set[bytes]] = {}
-        topic = self._publisher.topic_name
+        topic, own = self._publisher.topic_name, self._node.get_fully_qualified_name()
+        self._twins = graph.node_names(self._node).count(own) > 1
         for info in self._node.get_subscriptions_info_by_topic(topic):
             name = graph.full_name(info.node_namespace, info.node_name)
             found.setdefault(name, set()).add(bytes(info.endpoint_gid))

@@ -35,6 +35,11 @@ def split_name(node: str) -> tuple[str, str]:
     return name, namespace or '/'
 
 
+def node_names(node: Node) -> list[str]:
+    """Return the full names of all nodes in reach; a name that two of them have stands twice."""
+    return [full_name(place, name) for name, place in node.get_node_names_and_namespaces()]
+
+
 def publishers(node: Node, topic: str) -> tuple[Endpoint, ...]:
     """Return the publishers of a topic."""
     return tuple(_endpoint(info) for info in node.get_publishers_info_by_topic(topic))
