@@ -13,8 +13,11 @@ cycle goes on.
 """
 
 import time
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 
 from .node import HomingNode
@@ -34,6 +37,21 @@ class ManagedNode(LifecycleNodeMixin, HomingNode):
         if self.configuration.lifecycle:
             self.permissions.inactive = NOT_YET
             LifecycleNodeMixin.__init__(self)
+            for service in self.services:
+                if service.srv_type is ChangeState:
+                    service.callback = partial(self._change_state, service.callback)
+
+    def _change_state(
+        self, change: Callable[..., Any], request: ChangeState.Request, response: Any
+    ) -> Any:
+        """Make a transition; rclpy raises, and never answers, where the state has none such."""
+        try:
+            return change(request, response)
+        except RuntimeError as error:
+            asked = request.transition
+            self.get_logger().warning(f'no transition {asked.label or asked.id}: {error}')
+            response.success = False
+            return response
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Check the present parameters."""
