@@ -361,6 +361,10 @@ class Client:
         """Return the first true value of the condition; fail after the timeout."""
         return wait_for(condition, timeout, what, self.pump)
 
+    def spin(self, node):
+        """Let time pass for another node, too."""
+        self._executor.add_node(node)
+
     def pass_time(self, seconds):
         """Record for a while: only where a test shows that nothing happens."""
         end = time.monotonic() + seconds

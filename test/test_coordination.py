@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from homing_node.coordination.cells import Seen
 from homing_node.coordination.coordinator import Coordinator
 from homing_node.coordination.health import Level, health
+from homing_node.coordination.preview import Preview
 from homing_node.coordination.request import Request
 from homing_node.coordination.turn import Checked
 from homing_node.coordination.turn_table import TABLE, UNDER_WAY, Asks, Event, Phase
@@ -757,6 +758,37 @@ def test_a_dry_run_of_a_cell_that_does_not_answer():
     assert [text for text in found.missing if 'CellLost: /cell1/homing_node' in text]
     assert math.isnan(found.durations[0])
     assert found.error is Error.CellLost
+    assert 'how long cell1/z, cell1/x will take is not known' in found.unknown
+
+
+def test_a_dry_run_does_not_wait_for_a_cell_that_is_known_to_be_silent():
+    rig = Rig()
+    rig.silent = ['cell1']
+    rig.run(4.0)
+    found = preview(rig, wait=2 * TICK)
+    assert [text for text in found.missing if 'CellLost: /cell1/homing_node' in text]
+    assert found.steps == [('cell1/z', 'cell2/z'), ('cell1/x', 'cell2/y')]
+
+
+def test_a_dry_run_waits_for_a_cell_that_answers_slowly(monkeypatch):
+    """Each answer takes 3 s, all of them 6 s: the cell is not given up."""
+    monkeypatch.setattr('homing_node.coordination.preview.OPEN', 1)
+    axes = [('cell1/z',), ('cell1/x',)]
+    asking = Preview(line({'nodes': NODES, 'steps': STEPS}), axes, None, force=False)
+    now = 0.0
+    for number in range(20):
+        if not (axis := asking.next()):
+            continue
+        asking.asked(number, now)
+        for _ in range(30):
+            now += 0.1
+            asking.tick((), now)
+            if asking.next():  # asked for once more
+                asking.asked(number, now)
+        asking.checked(number, Checked({axis: Seen(False, True)}, {axis: ()}, 2.0), now)
+    assert asking.done
+    assert asking.missing == []
+    assert asking.durations == [2.0, 2.0]
 
 
 # -- cells whose events are lost, late and doubled ------------------------------------------------

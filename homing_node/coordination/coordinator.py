@@ -148,7 +148,7 @@ class Coordinator:
         for axis, seen in answer.seen.items():
             self.cells[cell].take(axis, seen, now)
         for preview in self._previews:
-            preview.checked(number, answer)
+            preview.checked(number, answer, now)
         request, turn = self._turns.get(number, (None, None))
         if request and turn and number in turn.checks and cell in turn.awaited:
             turn.awaited.discard(cell)
@@ -205,7 +205,7 @@ class Coordinator:
                 if not turn.ended:
                     self._watch(request, turn, silent, now)
         for preview in self._previews:
-            preview.tick(now)
+            preview.tick(silent, now)
         self._advance(now)
         return self._ended()
 

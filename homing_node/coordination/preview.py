@@ -2,14 +2,15 @@
 """What a request would do: its order, how long each step takes, what would refuse it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from ..core.outcome import Outcome
 from ..parameters.line import Line, cell_of
 from ..procedures.states import Error
 from .turn import Checked
 
-#: How many checks are open at the same time; when one is repeated, and given up, s.
+#: How many checks are open at the same time; when one is repeated, and when a cell is given up
+#: that answers none, s.
 OPEN, UNANSWERED, PATIENCE = 16, 1.0, 5.0
 
 
@@ -35,7 +36,7 @@ class Preview:
         self._left = list(dict.fromkeys([*named, *required]))
         self._numbers: dict[int, str] = {}  # axis of each question: also a late answer counts
         self._open: dict[str, float] = {}  # when each axis was asked for last
-        self._begun: dict[str, float] = {}  # when each axis was asked for first
+        self._since: dict[str, float] = {}  # how long each cell has answered nothing
         self._answers: dict[str, Checked | None] = {}
 
     @property
@@ -49,26 +50,34 @@ class Preview:
     def asked(self, number: int, now: float) -> None:
         """Note that a check of the next axis was sent."""
         axis = self._left.pop(0)
-        self._begun.setdefault(axis, now)
+        self._since.setdefault(cell_of(axis), now)
         self._numbers[number], self._open[axis] = axis, now
 
-    def checked(self, number: int, answer: Checked) -> None:
+    def checked(self, number: int, answer: Checked, now: float) -> None:
         """Take the answer to a check."""
         axis = self._numbers.get(number, '')
         if axis and axis not in self._answers:
             self._answers[axis] = answer
+            self._since[cell_of(axis)] = now
             self._open.pop(axis, None)
             self._left = [one for one in self._left if one != axis]
 
-    def tick(self, now: float) -> None:
-        """Repeat checks that are not answered, and give them up at last."""
+    def tick(self, silent: Collection[str], now: float) -> None:
+        """Repeat checks that are not answered; give up cells that are silent, or answer none.
+
+        Args:
+            silent: The cells that are known to be silent.
+            now: The present time, s.
+        """
+        gone = {cell for cell, since in self._since.items() if now - since > PATIENCE} | {*silent}
         for axis, since in list(self._open.items()):
-            if now - since > UNANSWERED:
+            if cell_of(axis) not in gone and now - since > UNANSWERED:
                 del self._open[axis]
-                if now - self._begun[axis] > PATIENCE:
-                    self._answers[axis] = None
-                else:
-                    self._left.insert(0, axis)
+                self._left.insert(0, axis)
+        for axis in [axis for axis in (*self._open, *self._left) if cell_of(axis) in gone]:
+            self._answers[axis] = None
+            self._open.pop(axis, None)
+        self._left = [axis for axis in self._left if cell_of(axis) not in gone]
 
     # ------------------------------------------------------------------------- once it is done
 
@@ -87,6 +96,14 @@ class Preview:
             together([self._duration(axis) for axis in step], self._line.at_once)
             for step in self.order
         ]
+
+    @property
+    def unknown(self) -> str:
+        """Say of which axes it is not known how long they take, '' if there is none."""
+        names = [axis for step in self.order for axis in step if math.isnan(self._duration(axis))]
+        if not names:
+            return ''
+        return f'how long {", ".join(names)} will take is not known (ask the node of the cell why)'
 
     @property
     def missing(self) -> list[str]:

@@ -286,6 +286,8 @@ class CellLink:
                 result = response.result
                 outcome = cell_messages.outcome(self._cell, result)
                 last = cell_messages.seen(result.states[0]) if result.states else None
+                for state in result.states:  # its topic may bring it later
+                    self._on_state(cell_messages.full(self._cell, state.axis), state)
                 self._core.result(number, outcome, now, last)
             self._on_event()
 

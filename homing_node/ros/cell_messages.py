@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 
-from ..coordination.cells import Seen
+from ..coordination.cells import OVERTAKES, Seen
 from ..coordination.health import LINE, Health, Level
 from ..coordination.preview import Preview
 from ..coordination.request import Request
@@ -47,6 +47,11 @@ def seen(state: AxisState) -> Seen:
         uncertainty=state.uncertainty,
         stamp=state.header.stamp.sec + state.header.stamp.nanosec * 1e-9,
     )
+
+
+def overtaken(state: AxisState, known: AxisState) -> bool:
+    """Return whether a state comes after a newer one of its axis: a result brings one, too."""
+    return 0.0 < seen(known).stamp - seen(state).stamp < OVERTAKES
 
 
 def outcome(cell: str, result: Home.Result) -> Outcome:
@@ -153,10 +158,11 @@ def words(request: Request) -> str:
 def dry_run(preview: Preview, states: Mapping[str, AxisState]) -> Home.Result:
     """Return the answer to a dry run."""
     missing, error = preview.missing, preview.error
+    nothing = '; '.join(filter(None, ('dry run: nothing is missing', preview.unknown)))
     axes = [axis for step in preview.steps for axis in step]
     return Home.Result(
         success=not missing,
-        message=_first(missing, error) if missing else 'dry run: nothing is missing',
+        message=_first(missing, error) if missing else nothing,
         error_code=messages.ERROR_CODES[error],
         states=[states[axis] for axis in axes if axis in states],
         steps=[', '.join(step) for step in preview.order],

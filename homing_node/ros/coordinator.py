@@ -62,6 +62,7 @@ class HomingCoordinator(DeclaringNode):
         self._state_topics: dict[str, Any] = {}
         self._changed: dict[int, dict[str, AxisState]] = {}  # for the feedback of each goal
         self._goals: dict[int, tuple[Any, Request]] = {}
+        self._dry_runs: list[Any] = []  # the goals that ask only
         self._feedbacks = 0
         self._by_id: dict[bytes, Request] = {}
         self._ends: list[tuple[Request | Preview, Future]] = []
@@ -134,7 +135,10 @@ class HomingCoordinator(DeclaringNode):
         serve(f'{axis}/cancel', partial(self._cancel, axis))
 
     def _take_state(self, axis: str, state: AxisState) -> None:
-        """Publish a state under the axis's name in the line."""
+        """Publish a state under the axis's name in the line, unless a newer one is known."""
+        known = self._states.get(axis)
+        if axis not in self._state_topics or (known and cell_messages.overtaken(state, known)):
+            return
         state = self._states[axis] = cell_messages.of_line(axis, state)
         self._state_topics[axis].publish(state)
         for number, (_, request) in self._goals.items():
@@ -231,7 +235,9 @@ class HomingCoordinator(DeclaringNode):
         names, now = list(goal.request.axes), time.monotonic()
         if goal.request.dry_run:
             preview = self._core.preview(names, now, goal.request.force)
+            self._dry_runs.append(goal)
             await self._end_of(preview)
+            self._dry_runs.remove(goal)
             result = cell_messages.dry_run(preview, self._states)
             goal.succeed() if result.success else goal.abort()
             return result
@@ -268,6 +274,8 @@ class HomingCoordinator(DeclaringNode):
         """Send each goal the states that have changed: a line may have hundreds of axes."""
         self._feedbacks += 1
         beat = self._feedbacks % BEAT == 0
+        for goal in self._dry_runs if beat else ():
+            goal.publish_feedback(Home.Feedback())
         for number, (goal, _) in list(self._goals.items()):
             changed, self._changed[number] = self._changed[number], {}
             if (changed or beat) and goal.is_active:
