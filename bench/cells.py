@@ -2,8 +2,12 @@
 """A line of cells: what a cell and the coordinator need, at rest and while a line homes in steps.
 
 Each cell is a process with many axes at a low rate; this process plays the drives of all of them.
-Everything runs on this machine, which the figures describe; `of all that runs` says whether it
-had time left.
+Time is real. Everything runs on this machine, which the figures describe; `of all that runs` says
+whether it had time left.
+
+The processes find each other by a discovery server: without it each one learns of all endpoints of
+all others, 1100 for a cell with 32 axes, and compares them with all of its own. `DISCOVERY=simple`
+does without the server.
 """
 
 import os
@@ -22,6 +26,7 @@ from figures import Figure, nth
 from graph import EXECUTABLE, HERE, free_domain
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
+from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -30,23 +35,34 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
+DISCOVERY = os.environ.get('DISCOVERY', 'server')
 AXES, STEPS = int(os.environ.get('AXES', '32')), 4
 RATE, FEEDBACK = 10.0, 10.0  # Hz, of a node's cycle and of its feedback
+AT_ONCE = 8  # axes home at the same time
 REST = 5.0  # s, that the line is measured at rest
-PATIENCE = 90.0  # s
+PATIENCE = 120.0  # s
+GOING = 10.0  # s, after which a process that has not ended is killed
 LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NAMES = [f'a{i}' for i in range(AXES)]
 #: An axis that moves without a switch: home is where it is, then it goes 5 mm further.
 AXIS = {
     'home_type': 'CurrentPos',
     'travel': 1.0,
-    'homing_velocity_fast': 0.01,
+    'homing_velocity_fast': 0.002,
+    'homing_velocity_slow': 0.002,
     'home_shift_distance': 0.005,
     'feedback_timeout': 10.0,
     'following_error': 0.05,  # the drives play at 10 Hz
     'switches': '[]',
 }
+#: Where the discovery server listens.
+SERVER = '127.0.0.1', 11811
 #: This machine alone, over UDP (doc/decisions/0009-transport.md).
+BY_SERVER = {
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
+    'ROS_DISCOVERY_SERVER': '{}:{}'.format(*SERVER),
+    'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
+}
 UDP = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
     'FASTRTPS_DEFAULT_PROFILES_FILE': str(HERE.parent / 'config' / 'localhost_udp.xml'),
@@ -75,7 +91,8 @@ class Line:
         self.folder = Path(tempfile.mkdtemp(prefix='homing_bench_'))
         self.domain, self._lock = free_domain()
         self.cells = [f'cell{i}' for i in range(1, cells + 1)]
-        os.environ.update(UDP)
+        self.server = self._serve() if DISCOVERY == 'server' else None
+        os.environ.update(BY_SERVER if self.server else UDP)
         self.context = Context()
         rclpy.init(context=self.context, domain_id=self.domain)
         self.node = rclpy.create_node(
@@ -90,7 +107,7 @@ class Line:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._drive)
         self._thread.start()
-        self.nodes = [self._run('homing_node', self._cell(), cell) for cell in self.cells]
+        self.nodes: list[subprocess.Popen[bytes]] = []
         self.coordinator = self._run('homing_coordinator', self._line(), '')
         self.states: list[tuple[float, float]] = []  # age, s, and time of each state
         self._watched = [
@@ -102,11 +119,33 @@ class Line:
         ]
         self.action = ActionClient(self.node, Home, '/homing_coordinator/home')
 
+    def start(self) -> None:
+        """Start the cells, one after another: each is there before the next one comes."""
+        for cell in self.cells:
+            self.nodes.append(self._run('homing_node', self._cell(), cell))
+            there = self.node.create_client(GetParameters, f'/{cell}/homing_node/get_parameters')
+            self.until(there.service_is_ready, f'{cell} to be there')
+
+    def _serve(self) -> 'subprocess.Popen[bytes]':
+        """Start a discovery server."""
+        address, port = SERVER
+        return subprocess.Popen(
+            [EXECUTABLE.with_name('fast-discovery-server'), '-i0', f'-l{address}', f'-p{port}'],
+            stdin=subprocess.PIPE,  # it ends with its input
+            stdout=subprocess.DEVNULL,
+        )
+
     def close(self) -> None:
-        for process in (self.coordinator, *self.nodes):
+        processes = (self.coordinator, *self.nodes)
+        for process in processes:
             process.send_signal(signal.SIGINT)
-        for process in (self.coordinator, *self.nodes):
-            process.wait(60.0)
+        end = time.monotonic() + GOING
+        for process in processes:
+            try:
+                process.wait(max(0.1, end - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
         self._ended.set()
         self._thread.join()
         self._executor.shutdown()
@@ -114,6 +153,9 @@ class Line:
         self._drives.destroy_node()
         rclpy.shutdown(context=self.context)
         self._lock.close()
+        if self.server:
+            self.server.terminate()
+            self.server.wait()
 
     def _cell(self) -> str:
         lines = ['/**:', '  ros__parameters:', f'    axes: {NAMES}', f'    update_rate: {RATE}']
@@ -128,7 +170,7 @@ class Line:
         nodes = [f'/{cell}/homing_node' for cell in self.cells]
         lines = ['/**:', '  ros__parameters:', f'    nodes: {nodes}', f'    steps: {steps}']
         requires = [f'{cell}/{NAMES[1]}: {self.cells[0]}/{NAMES[0]}' for cell in self.cells]
-        lines += [f'    requires: {requires}', '    cell_timeout: 20.0', '    at_once: 16']
+        lines += [f'    requires: {requires}', '    cell_timeout: 20.0', f'    at_once: {AT_ONCE}']
         return '\n'.join(lines) + '\n'
 
     def _run(self, name: str, parameters: str, namespace: str) -> 'subprocess.Popen[bytes]':
@@ -267,6 +309,7 @@ class Case(NamedTuple):
 
     cells: int
     started: float
+    answered: float  # a dry run of the line
     rest: Part
     homing: Part
     memory: float  # of a cell
@@ -276,25 +319,31 @@ class Case(NamedTuple):
 def case(cells: int, rest: float) -> Case:
     """Measure a line with a number of cells."""
     line = Line(cells)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit('terminated'))  # no process stays
     try:
         begun = time.monotonic()
+        line.start()
         line.until(line.action.server_is_ready, 'the coordinator')
         line.until_ready()
         started = time.monotonic() - begun
         line.wait(3.0)
+        asked = time.monotonic()
+        check(line.home(dry_run=True))
+        answered = time.monotonic() - asked
         at_rest = measured(line, lambda: line.wait(rest))
         homing = measured(line, lambda: check(line.home(force=True)))
         memory = [usage(one).memory for one in line.nodes]
         own = usage(line.coordinator).memory
     finally:
         line.close()
-    return Case(cells, started, at_rest, homing, sum(memory) / cells, own)
+    return Case(cells, started, answered, at_rest, homing, sum(memory) / cells, own)
 
 
 def of_case(one: Case) -> Iterator[Figure]:
     """Yield the figures of a line."""
     what = f'{one.cells} cells × {AXES} axes'
     yield Figure(f'{what}: until every cell answers', 's', [one.started])
+    yield Figure(f'{what}: a dry run of {STEPS * one.cells} axes', 's', [one.answered])
     yield Figure(f'{what}: {STEPS} steps of {one.cells} axes', 's', [one.homing.lasted])
     for name, part in (('at rest', one.rest), ('homing', one.homing)):
         yield Figure(f'{what}, {name}: processor of a cell', '% of a core', [part.cell])
@@ -313,14 +362,16 @@ def of_case(one: Case) -> Iterator[Figure]:
 def growth(few: Case, many: Case) -> Iterator[Figure]:
     """Yield what the coordinator needs more for each further cell."""
     further = many.cells - few.cells
-    what = f'the coordinator, for each cell more ({few.cells} to {many.cells})'
+    what = f'for each cell more ({few.cells} to {many.cells})'
     for name, before, after in (
         ('at rest', few.rest, many.rest),
         ('homing', few.homing, many.homing),
     ):
         more = (after.coordinator - before.coordinator) / further
-        yield Figure(f'{what}, {name}: processor', '% of a core', [more])
-    yield Figure(f'{what}: memory', 'MB', [(many.own_memory - few.own_memory) / further])
+        yield Figure(f'{what}, {name}: processor of the coordinator', '% of a core', [more])
+    yield Figure(
+        f'{what}: memory of the coordinator', 'MB', [(many.own_memory - few.own_memory) / further]
+    )
 
 
 def check(result: Home.Result) -> None:
@@ -331,6 +382,10 @@ def check(result: Home.Result) -> None:
 
 def figures(quick: bool = False) -> Iterator[Figure]:
     """Yield the figures of 4, 8 and 16 cells; `CELLS=4,8` and `AXES=8` choose others."""
+    print(
+        f'real time; cycle {RATE:g} Hz, feedback {FEEDBACK:g} Hz, {AT_ONCE} axes at once, '
+        f'discovery: {DISCOVERY}'
+    )
     chosen = os.environ.get('CELLS', '2' if quick else '4,8,16')
     cases = []
     for cells in map(int, chosen.split(',')):

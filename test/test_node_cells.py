@@ -2,12 +2,14 @@
 """Two cells and their coordinator as processes; the second cell is a managed node."""
 
 import json
+import math
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import cable
@@ -58,6 +60,8 @@ class Line:
     def __init__(self, folder):
         self.folder, self.domain = folder, ros.Domain()
         self.processes = []
+        self.layout = folder / 'layout.yaml'  # of the first cell
+        self.layout.write_text(yaml.dump(dict.fromkeys(AXES['cell1'], ros.LAYOUT)))
         for cell, axes in AXES.items():
             plant = ros.plant_parameters({axis: {'start': 0.05} for axis in axes}, **RATES)
             self.run('simulated_axes', plant, '-r', f'__ns:=/{cell}')
@@ -84,6 +88,7 @@ class Line:
             cycle_timeout=5.0,
             ready_timeout=10.0,
             lifecycle=cell == 'cell2',
+            layout=str(self.layout) if cell == 'cell1' else '',
         )
         return self.run('homing_node', parameters, '-r', f'__ns:=/{cell}')
 
@@ -183,6 +188,16 @@ def test_a_line_homes_in_steps_and_a_node_knows_its_lock(of):
     of.client.until(lambda: 'cell1/z is not homed' in of.at_node('cell2', 'y/home').message)
     of.client.until(lambda: (dry_run := of.home(dry_run=True)).success or not dry_run.missing)
     assert list(of.home(dry_run=True).steps) == LINE['steps']
+
+    def rehearsed():
+        dry_run = of.home('cell1/z', 'cell1/x', dry_run=True)
+        return not any(map(math.isnan, dry_run.durations)) and dry_run
+
+    dry_run = of.client.until(rehearsed, 60.0)
+    assert all(1.0 < duration < 60.0 for duration in dry_run.durations), dry_run.durations
+    dry_run = of.home('cell2/z', dry_run=True)  # its node has no layout
+    assert math.isnan(dry_run.durations[0])
+    assert 'how long cell2/z will take is not known' in dry_run.message
 
     result = of.home()
     assert result.success, result.message
@@ -414,6 +429,54 @@ def test_a_bad_line_ends_with_every_fault(tmp_path):
     assert process.wait() == 1
     for text in ('at_once: 0', "'cell3' is none of the cells", 'stands in two steps, 1 and 2'):
         assert text in process.output
+
+
+# -- a discovery server --------------------------------------------------------------------------
+
+ADDRESS, PORT = '127.0.0.1', 11833
+BY_SERVER = {
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
+    'ROS_DISCOVERY_SERVER': f'{ADDRESS}:{PORT}',
+    'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
+}
+
+
+@pytest.fixture
+def server(monkeypatch):
+    """A discovery server, by which the processes of a test find each other."""
+    monkeypatch.setattr(ros, 'UDP', BY_SERVER)
+    monkeypatch.delenv('FASTRTPS_DEFAULT_PROFILES_FILE')
+    for name, value in BY_SERVER.items():
+        monkeypatch.setenv(name, value)
+    executable = Path(sys.executable).with_name('fast-discovery-server')
+    with subprocess.Popen(
+        [executable, '-i0', f'-l{ADDRESS}', f'-p{PORT}'],
+        stdin=subprocess.PIPE,  # it ends with its input
+        stdout=subprocess.DEVNULL,
+    ) as process:
+        yield
+        process.terminate()
+
+
+def test_a_line_whose_processes_find_each_other_by_a_discovery_server(tmp_path, server):
+    """It tells a process only of the topics that it shares: a second node of one name is seen."""
+    of = Line(tmp_path)
+    try:
+        of.client.until(of.action.server_is_ready, 60.0)
+        of.activate('cell2')
+        of.client.until(lambda: of.home().success, 90.0)
+        second = of.start('cell1')
+        said = 'setpoints is published by /cell1/homing_node, too'
+        of.client.until(lambda: said in of.at_node('cell1', 'x/home').message, 60.0)
+        assert second.close() == 0
+        of.client.until(lambda: of.at_node('cell1', 'x/home').success, 60.0)
+        handle = of.send('cell2/z', 'cell2/y', force=True)
+        of.until_moving('cell2/z', handle=handle)
+        of.nodes['cell2'].process.kill()
+        result = of.result(handle)
+        assert result.error_code == AxisState.CELL_LOST, result.message
+    finally:
+        of.close()
 
 
 # -- two hosts ------------------------------------------------------------------------------------
