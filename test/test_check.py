@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from homing_node.check import Severity, check, check_axis, errors
 from homing_node.check.finding import down, up
 from homing_node.check.overruns import Overruns
+from homing_node.check.rehearsed_time import too_short
 from homing_node.check.run_bounds import RunBounds
 from homing_node.check.stopping import stopping_distance
 from homing_node.parameters.axis import DEFINITIONS, axis_parameters
@@ -46,6 +47,7 @@ FLAGS = {
     BEHIND: SwitchLayout(-inf, 0.01),
 }
 LAYOUT = AxisLayout((0.0, 0.2), FLAGS, index_pitch=0.01, index_offset=0.004, lag=0.005, start=0.1)
+CONFIGURATION = configuration({'axes': ['x'], **{f'x.{k}': v for k, v in VALUES.items()}})
 BOTH = [AHEAD, BEHIND]
 Z = [HS, AHEAD, BEHIND, 'z_pulse']
 PROBE = [HS, AHEAD, BEHIND, 'touch_probe']
@@ -483,9 +485,31 @@ WITH = [
         {'home_type': 'LS', 'max_ls_reverse_distance': 0.01},
         right=0.016,
     ),
+    Case(
+        'ls-reverse-bound',
+        ERROR,
+        {'home_type': 'LSOff', 'switches': BOTH, 'max_ls_reverse_distance': 0.002},
+        right=0.016,
+        words='every run',
+    ),
     Case('hs-reverse-bound', ERROR, {'max_hs_on_at_start_reverse_distance': 0.01}, right=0.011),
     Case('search-bound', ERROR, {'max_search_distance': 0.13}, right=0.16),
     Case('search-bound', WARNING, {'max_search_distance': 0.145}, right=0.16),
+    Case(
+        'search-bound',
+        ERROR,
+        {'max_search_distance': 0.12},
+        flags={HS: SwitchLayout(0.03, 0.04)},
+        right=0.16,
+        words='from beyond the home switch',
+    ),
+    Case(
+        'search-bound',
+        WARNING,
+        {**END, 'max_search_distance': 0.201},
+        right=0.22,
+        words='0.202 m',
+    ),
     Case('timeout', ERROR, {'timeout': 2.7}, right=0.0, words='the far end'),
     Case(
         'timeout',
@@ -750,6 +774,26 @@ def test_finding_in_the_mirror(case):
             'shift-into-limit',
         ):
             assert other == pytest.approx(value, abs=1e-9), name
+
+
+@pytest.mark.parametrize('home_type', ['LSOff', 'LSLS'])
+def test_the_edge_of_a_limit_is_no_place_for_a_shift_away_from_it(home_type):
+    """A run rests at the edge that is its home, with the limit on or off."""
+    case = Case('shift-into-limit', WARNING, {'home_type': home_type, 'switches': BOTH})
+    assert matching(case, case.found()) == []
+
+
+@pytest.mark.parametrize(('timeout', 'late'), [(5.2, True), (7.5, False)])
+def test_a_timeout_is_rehearsed_where_it_cannot_be_computed(timeout, late):
+    """The overrun of the fast pass, taken slowly, is the greatest part of the run."""
+    p, layout = Case('timeout', ERROR, {'homing_velocity_slow': 0.001}).built()
+    axes = CONFIGURATION._replace(axes={'x': replace(p, timeout=timeout)})
+    assert 'timeout' not in {one.check for one in check(axes, {'x': layout})}
+    found = [*too_short(axes, {'x': layout}, [])]
+    assert [one.check for one in found] == ['timeout'] * late
+    if late:
+        assert 'from the far end' in found[0].text
+        assert [*too_short(axes, {'x': layout}, found)] == []
 
 
 def test_the_hysteresis_is_part_of_the_run_up():

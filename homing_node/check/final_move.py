@@ -7,7 +7,7 @@ from math import isfinite
 from ..core.limits import Limit
 from ..plant.geometry import true_home
 from ..procedures.motions import Pace, Way
-from ..procedures.states import HomeType, LimitPair
+from ..procedures.states import HomeType, LimitPair, Role
 from ..procedures.steps import HOME_SHIFT, HOME_SHIFT_MOVE
 from .axis_with_layout import SIDES, AxisWithLayout
 from .finding import Finding, Severity, down, up
@@ -66,8 +66,8 @@ class FinalMove(AxisWithLayout):
             )
             return
         for place, limit in self._limits(way)[:1]:
-            if end >= place:
-                on_the_edge = end == place
+            on_the_edge = end == place
+            if end > place or (on_the_edge and limit.role is not Role.REFERENCE):
                 yield self._beyond(
                     f'where {limit.input} rises',
                     f'the run {"may end" if on_the_edge else "ends"} with LSTriggered',

@@ -73,13 +73,26 @@ class RunBounds(AxisWithLayout):
             )
 
     def off_the_limit(self) -> Iterator[Finding]:
-        """Check the way off a target limit that is on at the start."""
+        """Check the way off a target limit: after its rise, and where it is on at the start."""
         target = self.at.target
         if target is None or all(row.bound is not Bound.LS_REVERSE for _, row in self.searches):
             return
         name, bound = self._bound(Bound.LS_REVERSE)
         width = min(target.high, self.at.stops[Way.TOWARD]) + target.leaves(Way.AWAY)
-        if isfinite(width) and bound < width:
+        least = target.enters(Way.TOWARD) + target.leaves(Way.AWAY) + self._turn_off_limit()
+        right = up(1.05 * max(width, least)) if isfinite(width) else up(1.05 * least)
+        if bound < least:
+            yield self.found(
+                Severity.error,
+                'ls-reverse-bound',
+                f'{name} is {bound:g} m, but from where the axis turns at the limit switch it is '
+                f'{least:.4g} m to where it falls',
+                'every run ends with MaxLSRevDistanceTraveled',
+                name,
+                bound,
+                right,
+            )
+        elif isfinite(width) and bound < width:
             yield self.found(
                 Severity.warning,
                 'ls-reverse-bound',
@@ -88,8 +101,18 @@ class RunBounds(AxisWithLayout):
                 'a run that starts there ends with MaxLSRevDistanceTraveled',
                 name,
                 bound,
-                up(1.05 * width),
+                right,
             )
+
+    def _turn_off_limit(self) -> float:
+        """Return how far the axis goes on where it turns to see the target limit fall."""
+        rows = self.p.procedure.rows
+        turns = [
+            self.braking(row, then)(self.p.pace(row.motion.pace)[0])
+            for _, row in self.searches
+            if (then := row.on.get(Event.LS_RISES)) and rows[then].bound is Bound.LS_REVERSE
+        ]
+        return 0.0 if self.p.immediate_stop_at_ls else min(turns, default=0.0)
 
     def off_the_home_switch(self) -> Iterator[Finding]:
         """Check the way off a home switch that is on at the start."""
@@ -122,6 +145,10 @@ class RunBounds(AxisWithLayout):
         begin = min([*self.first_limits(Way.AWAY), at.stops[Way.AWAY]])
         if edge is None or not isfinite(begin):
             return
+        if Event.END_DETECTED in row.on:  # the command goes on behind the end
+            velocity = p.pace(row.motion.pace)[0]
+            edge += p.mechanical_end_detection_pos_diff
+            edge += velocity * p.mechanical_end_detection_time
         free, whole = edge + begin, edge + at.stops[Way.AWAY]
         longest = max(free, whole) if isfinite(whole) else free
         if p.search_distance < free:
@@ -146,11 +173,33 @@ class RunBounds(AxisWithLayout):
                 p.search_distance,
                 up(1.05 * longest),
             )
+        yield from self._to_the_limit(longest)
         yield from self._timeout(-begin)
+
+    def _to_the_limit(self, longest: float) -> Iterator[Finding]:
+        """Check the way to the limit switch ahead, of a run that begins beyond the home switch."""
+        p, home = self.p, self.at.flags.get(Input.HOME_SWITCH)
+        limits = self.first_limits(Way.TOWARD)
+        if home is None or not limits or Role.REVERSAL not in p.limits_ahead.values():
+            return
+        way = min(limits) - home.leaves(Way.TOWARD)
+        if p.search_distance < way:
+            yield self.found(
+                Severity.error,
+                'search-bound',
+                f'max_search_distance is {p.search_distance:g} m, but from beyond the home switch '
+                f'it is {way:.4g} m to the limit switch ahead',
+                'a run that starts there ends with SearchDistanceExceeded',
+                'max_search_distance',
+                p.search_distance,
+                up(1.05 * max(way, longest)),
+            )
 
     def _timeout(self, begin: float) -> Iterator[Finding]:
         """Check the timeout against runs from the far end and from beyond the home switch."""
         timeout, home = self.p.timeout, self.at.flags.get(Input.HOME_SWITCH)
+        if not timeout:
+            return
         starts = {'the far end': begin}
         if home and Role.REVERSAL in self.p.limits_ahead.values():
             starts['beyond the home switch'] = home.leaves(Way.TOWARD)
@@ -158,7 +207,7 @@ class RunBounds(AxisWithLayout):
             ((name, self.least_time(start)) for name, start in starts.items()),
             key=lambda each: each[1],
         )
-        if timeout and timeout < least:
+        if timeout < least:
             yield self.found(
                 Severity.error,
                 'timeout',

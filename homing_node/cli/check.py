@@ -91,10 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
         axes = only(arguments.axis, configuration.axes)
         layouts = None if layout is None else layout.layouts
         timing = timing_of(arguments, layout)
-        found = [
-            *check(configuration, layouts, timing),
-            *_rehearsed(configuration, layouts, timing),
-        ]
+        found = check(configuration, layouts, timing)
+        found += _rehearsed(configuration, layouts, timing, found)
         found = worst_first(one for one in found if one.axis.partition('.')[0] in axes)
     failed = bool(errors(found))
     if arguments.json:
@@ -107,14 +105,21 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _rehearsed(
-    configuration: Configuration, layouts: Mapping[str, AxisLayout] | None, timing: Timing
+    configuration: Configuration,
+    layouts: Mapping[str, AxisLayout] | None,
+    timing: Timing,
+    known: list[Finding],
 ) -> list[Finding]:
-    """Rehearse gantries with faults; without one and its layout there is nothing to rehearse."""
-    if not configuration.followers or layouts is None:
+    """Rehearse what cannot be computed: gantries with faults, and timeouts; with a layout only."""
+    if layouts is None:
         return []
+    from ..check.rehearsed_time import too_short
     from ..check.side_faults import rehearsed
 
-    return rehearsed(configuration, layouts, timing)
+    return [
+        *(rehearsed(configuration, layouts, timing) if configuration.followers else ()),
+        *too_short(configuration, layouts, known),
+    ]
 
 
 def _fault(text: str) -> Finding:
