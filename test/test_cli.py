@@ -771,3 +771,13 @@ def test_the_doctor_needs_ros_and_says_so(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, 'homing_node.ros.doctor', None)
     status, _, err = run(capsys, 'doctor')
     assert status == 2 and '`homing doctor` needs ROS 2' in err
+
+
+def test_a_gantry_with_a_fault_is_not_taken_for_a_layout(capsys, tmp_path):
+    """Both files may have `followers`."""
+    file = tmp_path / 'gantry.yaml'
+    file.write_text(
+        (CONFIG / 'gantry.yaml').read_text().replace('max_skew: 0.002', 'max_skew: 0.0')
+    )
+    status, out, err = run(capsys, 'check', file)
+    assert status == 1 and 'y.max_skew: required with followers' in out, err

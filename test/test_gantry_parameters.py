@@ -75,6 +75,10 @@ def test_a_direction_by_a_method_of_cia_402_can_be_mirrored():
     ('changes', 'text'),
     [
         ({'y__max_skew': None}, 'y.max_skew: required with followers (y2)'),
+        ({'y__max_skew': 0.0}, 'y.max_skew: required with followers (y2)'),
+        ({'y__max_skew': -0.001}, 'y.max_skew: -0.001 m must be 0 or >= 1e-09'),
+        ({'y__max_skew': 5.0}, 'y.max_skew: 5 m must be < travel, '),
+        ({'y__followers': ['y2', 'y2']}, 'a name is empty or stands twice'),
         ({'y__square_tolerance': 0.002}, 'y.square_tolerance: 0.002 m must be < max_skew'),
         ({'y__home_type': 'CurrentPos'}, 'y.home_type: CurrentPos cannot home a gantry'),
         ({'y__home_type': 'ZPulse', 'y__switches': ['z_pulse']}, 'y.home_type: ZPulse cannot'),
@@ -100,6 +104,12 @@ def test_a_direction_by_a_method_of_cia_402_can_be_mirrored():
 )
 def test_what_is_refused(changes, text):
     assert text in fault(**changes)
+
+
+@pytest.mark.parametrize('changes', [{'y__followers': ['y']}, {'axes': ['y', 'y2']}])
+def test_a_follower_is_no_axis(changes):
+    """It is told even where nothing else of that axis is."""
+    assert any('is one of the axes: a follower is none' in one for one in faults(**changes))
 
 
 def test_names_of_followers():

@@ -8,6 +8,7 @@ import pytest
 from core_rig import LIMIT_AHEAD
 from gantry_rig import PERIOD, STEP, Gantry, SideRig
 
+from homing_node.core.gantry.trip import LASTS
 from homing_node.parameters.definition import InvalidParameters
 from homing_node.procedures.states import Direction, Error, Input
 
@@ -115,19 +116,27 @@ def test_a_trip_at_rest_switches_all_servos_off(side):
     gantry.axis.followers[0].enable(True)
     assert gantry.home().error is Error.NoError
     gantry.drives[side].enable(False)
-    gantry.cycle()
-    assert not gantry.axis.homed and not gantry.axis.servo_on
+    assert not gantry.axis.homed
+    for _ in range(round(LASTS / PERIOD)):
+        assert gantry.axis.servo_on
+        gantry.cycle()
+    for _ in range(2):
+        gantry.cycle()
+    assert not gantry.axis.servo_on
     assert gantry.axis.refusal(gantry.time).error is Error.ServoOff
 
 
 @SIDES
 def test_what_a_publisher_has_kept_of_the_servo_is_no_trip(side):
-    """A node that starts gets it at once: the drive is on again, and only the home is lost."""
+    """A node that starts gets it nearly at once: the drive is on again, the home is lost."""
     gantry = Gantry('HSHS', switches=SERVO)
     assert gantry.home().error is Error.NoError
-    for enabled in (True, False, True):
+    for enabled in (True, False, False, True):
         gantry.drives[side].enable(enabled)
-    gantry.cycle()
+        for _ in range(20):
+            gantry.cycle()
+    for _ in range(60):
+        gantry.cycle()
     assert gantry.axis.servo_on and not gantry.axis.homed
     assert gantry.home().error is Error.NoError
 

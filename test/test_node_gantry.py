@@ -153,6 +153,8 @@ def test_the_direction_of_a_gantry_stays(world):
     """With another one a mirrored side would be driven against the others."""
     result = world.client.set(y__home_direction='Negative')
     assert not result.successful and 'y.home_direction' in result.reason
+    result = world.client.set(y__y2__switch_offset=0.1)  # what is a follower's own stays, too
+    assert not result.successful and 'read-only' in result.reason, result.reason
 
 
 def test_a_dead_switch_of_a_follower_stops_both_sides(world):

@@ -116,7 +116,7 @@ def configuration(values: Mapping[str, Any]) -> Configuration:
     drives = {**axes, **{name: p for of in followers.values() for name, p in of.items()}}
     faults += bad_common(values)
     faults += _unknown(values, names)
-    faults += gantry.bad_gantries(axes, followers, connected)
+    faults += gantry.bad_gantries(names, axes, followers, connected)
     faults += _shared_joints(drives)
     faults += _bad_position_joints(node.get('position_joints', []), drives)
     try:

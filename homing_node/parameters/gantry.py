@@ -184,18 +184,27 @@ _TOPICS = {
 
 
 def bad_gantries(
+    names: Iterable[str],
     axes: Mapping[str, AxisParameters],
     followers: Mapping[str, Mapping[str, AxisParameters]],
     connected: Mapping[str, Connections],
 ) -> list[str]:
-    """Return what is wrong with the gantries as a whole: shared names, shared signals."""
+    """Return what is wrong with the gantries as a whole: shared names, shared signals.
+
+    Args:
+        names: The names of the axes.
+        axes: The parameters of those that can be read.
+        followers: Those of the followers of each, by their full names.
+        connected: The connections of all.
+    """
     faults = []
+    listed = set(names)
     for axis, p in axes.items():
         if not p.followers:
             faults += _needless(axis, p)
             continue
         for follower in p.followers:
-            if follower in axes:
+            if follower in listed:
                 faults.append(
                     f'{axis}.followers: {follower!r} is one of the axes: a follower is none, take '
                     'it out of axes'

@@ -28,6 +28,11 @@ def contradictions(p: AxisFields) -> list[str]:
             f'max_skew: required with followers ({", ".join(p.followers)}): how far one side may '
             'get ahead of the other, m'
         )
+    elif p.max_skew >= p.travel:
+        faults.append(
+            f'max_skew: {p.max_skew:g} m must be < travel, {p.travel:g} m: it is how far the '
+            'bridge may rack'
+        )
     elif p.square and p.square_tolerance >= p.max_skew:
         faults.append(
             f'square_tolerance: {p.square_tolerance:g} m must be < max_skew, {p.max_skew:g} m'

@@ -17,6 +17,7 @@ from typing import Any
 
 import yaml
 
+from ..parameters.configuration import AXIS_DEFINITIONS
 from ..parameters.definition import InvalidParameters, read, table
 from ..parameters.yaml_file import OnceLoader
 from .layout import (
@@ -181,13 +182,16 @@ def _without_index_offset(axis: str, layout: AxisLayout, unknown: Sequence[str])
 
 
 def is_layout(path: str | PathLike[str]) -> bool:
-    """Return whether a file holds keys of a layout, be they right or wrong."""
+    """Return whether a file holds keys that only a layout has, be they right or wrong."""
     try:
         reader, _ = _contents(Path(path))
     except InvalidLayout:
         return False
     return any(
-        key in LAYOUT for own in reader.entries.values() if isinstance(own, dict) for key in own
+        key in LAYOUT and key not in AXIS_DEFINITIONS
+        for own in reader.entries.values()
+        if isinstance(own, dict)
+        for key in own
     )
 
 

@@ -30,6 +30,7 @@ from .follower import Follower
 from .machine import GantryMachine
 from .run import GantryRun
 from .side import Side
+from .trip import Trip
 
 
 class GantryAxis(Axis):
@@ -64,7 +65,7 @@ class GantryAxis(Axis):
         self.largest_skew = 0.0
         self._run: GantryRun | None = None
         self._apart: tuple[float, ...] = ()  # of a run that failed: the next one adds nothing
-        self._tripped = False  # a drive has told at rest that it went off
+        self._trip = Trip()
         self._group = group_parameters(parameters, followers.values())
         super().__init__(name, parameters, period, lead)
         self.followers = tuple(
@@ -133,8 +134,7 @@ class GantryAxis(Axis):
         """End a run and lose the home, because the drive of a side is off.
 
         The sides whose drives are still on come to rest; then all are switched off. At rest a
-        drive that trips switches all off in the next cycle, unless it is on again: a publisher
-        that keeps its messages tells a new node what was before.
+        drive that trips, and is not on again at once, switches all off.
 
         Args:
             name: whose drive it is.
@@ -143,7 +143,8 @@ class GantryAxis(Axis):
         text = f'the drive of {name} switched its servo off'
         self._lose_rests()
         self._lose_home(Error.ServoOff, f'{text}; a gantry may spring back then')
-        self._tripped = tripped and not self.running
+        if tripped and not self.running:
+            self._trip.tell()
         self.stop(Error.ServoOff, text, Action(self._group.ls_dec, True))
 
     def lose_home_of(self, name: str, error: Error, text: str) -> None:
@@ -256,9 +257,9 @@ class GantryAxis(Axis):
         """Advance by one period; return the leader's setpoint if a run moves the gantry."""
         machine, run = self.machine, self._run
         moving = self.profile.velocity != 0.0
-        if self._tripped:
-            self._tripped = False
-            if any(drive.readings.servo_is_off for drive in self.drives.values()):
+        if self._trip.told:
+            off = any(drive.readings.servo_is_off for drive in self.drives.values())
+            if self._trip.has_lasted(now, off):
                 self.servo_on = False
         for follower in self.followers:
             readings, own = follower.readings, follower.profile
