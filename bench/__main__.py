@@ -32,12 +32,22 @@ def main() -> None:
     )
     parser.add_argument('--quick', action='store_true', help='only show that it works')
     parser.add_argument('--markdown', action='store_true', help='for doc/performance.md')
+    parser.add_argument(
+        '--seconds',
+        type=float,
+        metavar='S',
+        help='relay: how long each process is listened to in all, in two parts (default: 50, in '
+        'five)',
+    )
     arguments = parser.parse_args()
+    if arguments.seconds is not None and arguments.names != ['relay']:
+        parser.error('--seconds is for relay only')
     print(figures.machine())
     for name in arguments.names or NAMES:
         module = importlib.import_module(name)
         title = module.__doc__.splitlines()[0].rstrip('.')
-        found = list(module.figures(arguments.quick))
+        how = {} if arguments.seconds is None else {'seconds': arguments.seconds}
+        found = list(module.figures(arguments.quick, **how))
         figures.show(title, found, arguments.markdown)
 
 

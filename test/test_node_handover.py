@@ -136,6 +136,23 @@ def test_homed_twice_is_not_added(served):
     served.rests(HOMED)
 
 
+@pytest.mark.long
+def test_nobody_is_there_who_would_take_the_home(served):
+    """It is said before anything moves: no run begins."""
+    client = served.client
+    assert client.set(ready_timeout=0.2).successful
+    assert client.set(x__apply_service='/nobody').successful
+    count = len(served.states)
+    answer = served.home()
+    assert answer.message == (
+        'HandoverFailed: axis x: step apply: nobody serves /nobody (apply, apply_service)'
+    )
+    assert all(heard.message.state == 'Idle' for heard in served.states[count:])
+    assert client.set(x__apply_service=SERVICE['apply_service']).successful
+    assert client.set(ready_timeout=10.0).successful
+    assert served.home().success
+
+
 @pytest.mark.parametrize(
     ('fault', 'step', 'active', 'position'),
     [
@@ -257,7 +274,9 @@ class Goals:
 
     def under_way(self, position):
         handle = self.send(position, 5.0)
-        self._client.until(lambda: self.feedback)
+        result = handle.get_result_async()
+        self._client.until(lambda: self.feedback or result.done())
+        assert not result.done(), result.result()
         return handle
 
     def end(self, handle):

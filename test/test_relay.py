@@ -306,6 +306,53 @@ def test_what_is_refused():
     assert refusal(trajectory([0.1]), by_joint(known())) == 'axis x is not homed'
 
 
+def test_a_point_at_a_soft_limit_may_be_rounded():
+    """0.1 + 0.2 is no motion beyond 0.3, nor is a course that stays there for long."""
+    axes = by_joint(known(offset=0.0, travel_min=0.0, travel_max=0.3))
+    assert refusal(trajectory([0.1 + 0.2]), axes) == ''
+    assert 'beyond' in refusal(trajectory([0.3 + 1e-8]), axes)
+    stays = trajectory([0.3] * 3, velocities=[1e-17], accelerations=[1e-16])
+    assert refusal(stays, axes) == ''
+
+
+def test_a_point_with_more_positions_than_joints():
+    """Not cut to what fits: the controller would play what nobody meant."""
+    axes = by_joint(known(offset=0.1))
+    message = trajectory([(0.1, 0.2)])
+    why = 'axis x: point 0 has 2 positions for 1 joints'
+    assert to_raw(message, axes) == why
+    assert list(message.points[0].positions) == [0.1, 0.2]
+
+
+@pytest.mark.parametrize('limit', ['travel_max', 'travel_min'])
+@pytest.mark.parametrize('accelerations', [[], [0.0]])
+def test_a_moving_axis_overshoots_the_first_point(limit, accelerations):
+    """The controller begins at the velocity that the axis has: its curve goes on for a while."""
+    sign = 1 if limit == 'travel_max' else -1
+    axis = known(offset=0.0, **{'travel_min': -0.3, 'travel_max': 0.3, limit: sign * 0.3})
+    slow = trajectory([sign * 0.29], [10], velocities=[0.0], accelerations=accelerations)
+    for number in range(101):
+        axis.feedback(number * 0.002, sign * 0.2 * number * 0.002, number * 0.002)
+    assert axis.velocity == pytest.approx(sign * 0.2)
+    assert 'beyond its soft limits' in refusal(slow, by_joint(axis))
+    assert refusal(trajectory([sign * 0.29], [10]), by_joint(axis)) == ''  # a line
+    place = axis.raw
+    for number in range(101, 300):  # it rests, its encoder shows a count of noise
+        axis.feedback(number * 0.002, place + number % 2 * 1e-6, number * 0.002)
+    assert axis.velocity == 0.0
+    assert refusal(slow, by_joint(axis)) == ''
+
+
+def test_a_jump_of_the_feedback_is_no_velocity():
+    axis = known(offset=0.0, wrap=1.0)
+    for number in range(200):  # 1 m/s, over the end of a turn
+        axis.feedback(number * 0.002, (0.7 + number * 0.002) % 1.0, number * 0.002)
+    assert axis.velocity == pytest.approx(1.0)
+    axis.feedback(0.402, 0.5, 0.402)
+    assert 'jumped' in axis.refusal
+    assert axis.velocity == 0.0
+
+
 def test_an_axis_beyond_a_soft_limit_may_come_back():
     axis = known(offset=0.0, travel_min=0.0, travel_max=0.3)
     axis.feedback(0.0, 0.4, 0.0)

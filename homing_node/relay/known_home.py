@@ -10,11 +10,16 @@ relay itself sees that the feedback jumps, stops, or has a new publisher.
 ``TABLE`` is the whole of it. Positions in m or rad, times in s.
 """
 
+import math
 from collections.abc import Mapping
 
 from ..core.home_watch import HomeWatch
 from ..parameters.axis import AxisParameters
 from ..procedures.states import TextEnum
+
+#: The velocity of an axis is measured over this time, or up to twice as long, s.
+MEASURED = 0.05
+NEVER = (-math.inf, math.nan)
 
 
 class Knowledge(TextEnum):
@@ -119,6 +124,9 @@ class KnownHome:
         self._why = ''
         self._watch = HomeWatch()
         self._arrival = 0.0
+        self._time = 0.0  # of the newest sample
+        # Two earlier samples, MEASURED or more apart from each other and from the newest one.
+        self._earlier = self._since = NEVER
         p = parameters
         self._leap = 0.01 * p.travel + 2.0 * p.following_error_limit
 
@@ -133,6 +141,18 @@ class KnownHome:
     def position(self) -> float | None:
         """The newest homed position; None where it is not known."""
         return None if self.raw is None or self.offset is None else self.raw - self.offset
+
+    @property
+    def velocity(self) -> float:
+        """How fast the axis has moved lately, m/s or rad/s; 0 where it rests within its noise."""
+        time, raw = self._earlier
+        if self.raw is None or math.isinf(time):
+            return 0.0
+        moved, wrap = self.raw - raw, self.parameters.wrap
+        if wrap:
+            moved = math.remainder(moved, wrap)
+        rests = abs(moved) <= self.parameters.settling_tolerance
+        return 0.0 if rests else moved / (self._time - time)
 
     def told(self, offset: float) -> None:
         """Take the home from the parameter."""
@@ -160,8 +180,13 @@ class KnownHome:
     def feedback(self, time: float, raw: float, arrival: float) -> None:
         """Take a sample: when it was taken by its stamp, the raw position, when it arrived."""
         p, self.raw, self._arrival = self.parameters, raw, arrival
+        self._time = time
+        if not 0.0 <= time - self._since[0] < MEASURED:
+            later = time >= self._since[0]
+            self._earlier, self._since = (self._since if later else NEVER), (time, raw)
         jump = self._watch.step(time, raw, self._leap, p.ls_dec, p.wrap)
         if jump:
+            self._earlier, self._since = NEVER, (time, raw)
             self._see(f'its feedback jumped by {jump:.6g}')
 
     def new_publisher(self) -> None:

@@ -15,6 +15,8 @@ from ..parameters.definition import Interval
 
 #: So often a curve is cut in two: its parts are then a millionth of it.
 CUTS = 20
+#: A position so far beyond a limit is none, m or rad: a planner computes its points with rounding.
+SLACK = 1e-9
 
 
 class Knot(NamedTuple):
@@ -27,7 +29,11 @@ class Knot(NamedTuple):
 
 
 def beyond(knots: Sequence[Knot], limits: Interval) -> float | None:
-    """Return a position of a course that is beyond the limits, None if it stays within them."""
+    """Return a position of a course that is beyond the limits, None if it stays within them.
+
+    What is beyond by no more than SLACK is rounded.
+    """
+    limits = Interval(limits.low - SLACK, limits.high + SLACK)
     for knot in knots:
         if not limits.low <= knot.position <= limits.high:
             return knot.position
@@ -70,8 +76,5 @@ def _beyond(points: list[float], limits: Interval, cuts: int) -> float | None:
         left.append(row[0])
         right.append(row[-1])
         row = [0.5 * (a + b) for a, b in pairwise(row)]
-    return _first(_beyond(left, limits, cuts - 1), _beyond(right[::-1], limits, cuts - 1))
-
-
-def _first(one: float | None, other: float | None) -> float | None:
-    return other if one is None else one
+    found = _beyond(left, limits, cuts - 1)
+    return _beyond(right[::-1], limits, cuts - 1) if found is None else found

@@ -13,9 +13,6 @@ from ..parameters.definition import Interval
 from .known_home import KnownHome
 from .soft_limits import Knot, beyond
 
-#: An axis may lie so far beyond a soft limit when a motion begins: it rests there, and leads back.
-SLACK = 1e-9
-
 
 def refusal(trajectory: Any, axes: Mapping[str, KnownHome]) -> str:
     """Return why a trajectory must not be played, '' if it may.
@@ -31,7 +28,7 @@ def refusal(trajectory: Any, axes: Mapping[str, KnownHome]) -> str:
             continue
         if axis.refusal:
             return axis.refusal
-        why = _outside(trajectory.points, place, axis)
+        why = _misfit(trajectory.points, len(names)) or _outside(trajectory.points, place, axis)
         if why:
             return f'axis {axis.name}: {why}'
     return ''
@@ -56,12 +53,8 @@ def _outside(points: Sequence[Any], place: int, axis: KnownHome) -> str:
     if limits is None or not knots:
         return ''
     found = beyond(knots, limits)
-    if found is None and axis.position is not None:
-        here = axis.position
-        first = knots[0]
-        start = Knot(0.0, here, 0.0, 0.0)
-        wide = Interval(min(limits.low, here - SLACK), max(limits.high, here + SLACK))
-        found = beyond([start, first], wide) if first.time > 0.0 else None
+    if found is None:
+        found = _beyond_at_start(knots[0], limits, axis)
     if found is None:
         return ''
     unit = axis.parameters.unit
@@ -69,6 +62,32 @@ def _outside(points: Sequence[Any], place: int, axis: KnownHome) -> str:
         f'it would go to {found:.6g} {unit}, beyond its soft limits {limits.low:g} to '
         f'{limits.high:g} {unit} (travel_min, travel_max)'
     )
+
+
+def _beyond_at_start(first: Knot, limits: Interval, axis: KnownHome) -> float | None:
+    """Return a position beyond the limits on the way to the first point, None if there is none.
+
+    The controller begins where the axis is, and, if it knows the velocity, as fast as the axis is.
+    An axis that is beyond a limit may lead back.
+    """
+    here = axis.position
+    if here is None or first.time <= 0.0:
+        return None
+    wide = Interval(min(limits.low, here), max(limits.high, here))
+    for velocity in {0.0, axis.velocity}:
+        for acceleration in (0.0, None):
+            found = beyond([Knot(0.0, here, velocity, acceleration), first], wide)
+            if found is not None:
+                return found
+    return None
+
+
+def _misfit(points: Sequence[Any], joints: int) -> str:
+    """Return which point has more positions than there are joints, '' if none has."""
+    for number, point in enumerate(points):
+        if len(point.positions) > joints:
+            return f'point {number} has {len(point.positions)} positions for {joints} joints'
+    return ''
 
 
 def _at(values: Sequence[float], place: int) -> float | None:

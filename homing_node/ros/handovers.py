@@ -111,6 +111,9 @@ class Handovers:
             if axis.handover is not None and axis.handover.exclusive:
                 text = f'the home of axis {other} is being applied'
                 return Outcome(Error.NoController, f'axis {name}: {text}')
+        nobody = self._nobody(self._axes[name].parameters)
+        if nobody:
+            return Outcome(Error.HandoverFailed, f'axis {name}: step {Step.Apply}: {nobody}')
         wanted = self._axes[name].parameters.switch_controllers
         known = managers.find(self._listed, wanted)
         faults = [
@@ -122,6 +125,17 @@ class Handovers:
             return None
         text = f'{", ".join(faults)}: homing needs it active (switch_controllers)'
         return Outcome(Error.NoController, f'axis {name}: {text}')
+
+    def _nobody(self, p: AxisParameters) -> str:
+        """Return that nobody would take a home, '' where somebody is there."""
+        if p.apply is Apply.none:
+            return ''
+        try:
+            kind, service = self._service_of(p)
+            there = self._clients.of(kind, service).service_is_ready()
+        except ValueError as error:
+            return f'apply_service: {error}'
+        return '' if there else f'nobody serves {service} (apply, apply_service)'
 
     def relays(self) -> set[str]:
         """Return the full names of the relays that the axes name."""

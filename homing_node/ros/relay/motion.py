@@ -6,6 +6,7 @@ controller's result, with the client's cancel, or, when an axis loses its home o
 gone, at once: it is canceled at the controller, and aborted with the reason.
 """
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -19,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from ...diagnosis.listeners import others
 from ...procedures.states import Error
-from ...relay.known_home import KnownHome
+from ...relay.known_home import Knowledge, KnownHome
 from ...relay.trajectories import to_homed, to_raw
 from .. import graph
 
@@ -28,6 +29,9 @@ try:
 except ImportError:
     FollowJointTrajectory = None
 
+#: How long a goal waits for the homing node's word on a home that is being handed over, s. The
+#: client may know before the relay that the axis is homed.
+CONFIRMED = 0.5
 #: Whether the action can be served here.
 INSTALLED = FollowJointTrajectory is not None
 QUEUE = 10
@@ -98,6 +102,8 @@ class ControllerRelay:
         self._node, self._axes, self._homing_node = node, axes, homing_node
         self._guarded = guarded
         self._running: list[Running] = []
+        self._waiting: list[tuple[Future, list[str], float]] = []  # goals, until when, s
+        self._over = ''  # why no goal is relayed any more
         self._publisher = node.create_publisher(
             JointTrajectory, f'{controller}/joint_trajectory', QUEUE
         )
@@ -126,6 +132,11 @@ class ControllerRelay:
 
     def watch(self) -> None:
         """Give up goals of axes that have lost their home, and of a controller that is gone."""
+        for one in list(self._waiting):
+            future, joints, until = one
+            if time.monotonic() > until or not self._guarded(partial(self._told, joints)):
+                self._waiting.remove(one)
+                future.set_result(None)
         for running in list(self._running):
             why = self._guarded(partial(self._lost, running.joints))
             if not why and not self._client.server_is_ready():
@@ -135,8 +146,11 @@ class ControllerRelay:
 
     def stop(self, reason: str) -> bool:
         """Give up every goal; return whether one is still there."""
+        self._over = reason
         for running in list(self._running):
             running.give_up(reason)
+        while self._waiting:
+            self._waiting.pop()[0].set_result(None)
         return bool(self._running)
 
     # ------------------------------------------------------------------------------------- inside
@@ -146,6 +160,11 @@ class ControllerRelay:
             (self._axes[j].refusal for j in joints if j in self._axes and self._axes[j].refusal),
             '',
         )
+
+    def _told(self, joints: Sequence[str]) -> bool:
+        """Return whether the home of an axis is being handed over."""
+        axes = (self._axes[joint] for joint in joints if joint in self._axes)
+        return any(axis.knowledge is Knowledge.Told for axis in axes)
 
     def _conflict(self) -> str:
         """Return who else publishes to the controller, '' for nobody."""
@@ -179,7 +198,15 @@ class ControllerRelay:
     async def _execute(self, goal: Any) -> Any:
         """Relay a goal, and return how it ended."""
         request = goal.request
-        why = self._to_raw(request.trajectory)
+        joints = list(request.trajectory.joint_names)
+        if self._guarded(partial(self._told, joints)):
+            confirmed = Future(executor=self._node.executor)
+            self._waiting.append((confirmed, joints, time.monotonic() + CONFIRMED))
+            await confirmed
+            if goal.is_cancel_requested:
+                goal.canceled()
+                return FollowJointTrajectory.Result()
+        why = self._over or self._to_raw(request.trajectory)
         if not why and not self._client.server_is_ready():
             why = f'nobody serves {self._action}'
         if why:
