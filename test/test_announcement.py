@@ -297,7 +297,7 @@ def test_the_least_horizon_reaches_two_messages_further():
     assert least_horizon(PERIOD, LEAD) == pytest.approx(LEAD + 3 * PERIOD)
 
 
-@settings(max_examples=max(1, settings.default.max_examples // 4))
+@settings(max_examples=max(1, settings.default.max_examples // 6))
 @given(
     st.lists(
         st.tuples(ORDERS, st.integers(0, 40), st.sampled_from([1.0, -1.0]), st.floats(-9.0, 9.0)),

@@ -62,6 +62,7 @@ JOINT_STATES = st.builds(
 )
 
 
+@settings(max_examples=max(1, settings.default.max_examples // 3))
 @given(st.lists(JOINT_STATES, max_size=6), st.floats(0.0, 1.0))
 def test_joint_states_are_read_as_rclpy_reads_them(messages, part):
     """Whole ones between broken ones, in any order; of a broken one nothing is made up."""
@@ -100,7 +101,7 @@ def trajectories(draw):
     return names, draw(st.integers(0, 2**31 * 10**9 - 1)), times, rows
 
 
-@settings(max_examples=max(1, settings.default.max_examples // 3))
+@settings(max_examples=max(1, settings.default.max_examples // 5))
 @given(st.lists(trajectories(), max_size=5))
 def test_trajectories_are_written_as_rclpy_writes_them(cycles):
     writer, plain = TrajectoryWriter(), PlainTrajectoryWriter()

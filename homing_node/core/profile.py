@@ -77,9 +77,7 @@ def _order(
 
     @wraps(method)
     def ordered(self: 'Profile', /, *args: Given.args, **kwargs: Given.kwargs) -> None:
-        if not self._orders:
-            self._before = copy(self)
-        self._orders = [*self._orders, partial(method, self, *args, **kwargs)]
+        self.remember(partial(method, self, *args, **kwargs))
         method(self, *args, **kwargs)
 
     return ordered
@@ -224,6 +222,12 @@ class Profile:
         self._order = None
         back = Phase(self.dynamics, limit, limit, fastest, position)
         self._plan(back, jerk=max(self._max_jerk, 4.0 * limit / BACK))
+
+    def remember(self, order: Callable[[], None]) -> None:
+        """Remember an order that comes before the next update."""
+        if not self._orders:
+            self._before = copy(self)
+        self._orders = [*self._orders, order]
 
     def stopping_position(self, deceleration: float) -> float:
         """Return where a stop that begins now would end."""
