@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from homing_node.core.announcement import NS, Announcer, Course, announcement, least_horizon
 from homing_node.core.path import state_at
-from homing_node.core.profile import Dynamics, Profile
+from homing_node.core.phase import Dynamics
+from homing_node.core.profile import Profile
 from homing_node.plant.controller import Point, between
 
 PERIOD, LEAD, HORIZON = 0.004, 0.008, 0.02

@@ -178,7 +178,7 @@ def test_nothing_imports_in_a_circle(room):
 def test_who_knows_what(room):
     for path in files_of(room):
         _, others = imports_of(path)
-        assert 'ruckig' not in others or path.name == 'profile.py', path
+        assert 'ruckig' not in others or path.name == 'phase.py', path
         assert not others & (ROS | OPTIONAL) or room in ROS_ROOMS, path
         assert others <= ROS | OPTIONAL | THIRD | set(sys.stdlib_module_names) - {'homing_node'}
         if room in PURE:

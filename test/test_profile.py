@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from homing_node.core.profile import Dynamics, Profile
+from homing_node.core.phase import Dynamics
+from homing_node.core.profile import Profile
 
 PERIOD = 0.004
 JERK = 50.0

@@ -12,7 +12,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from homing_node.core.announcement import Course, announcement
 from homing_node.core.axis import Axis
-from homing_node.core.profile import Dynamics, Profile
+from homing_node.core.phase import Dynamics
+from homing_node.core.profile import Profile
 from homing_node.parameters.configuration import configuration
 from homing_node.parameters.definition import InvalidParameters
 from homing_node.parameters.node_fields import SetpointInterface

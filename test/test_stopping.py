@@ -11,7 +11,8 @@ from homing_node.check.stopping import (
     stopping_distance,
     turning_distance,
 )
-from homing_node.core.profile import Dynamics, Profile
+from homing_node.core.phase import Dynamics
+from homing_node.core.profile import Profile
 
 PERIOD = 0.001
 VELOCITY = st.floats(0.002, 0.5)

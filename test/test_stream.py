@@ -6,7 +6,7 @@ from itertools import pairwise, product
 import pytest
 from core_rig import thinned
 
-from homing_node.core.profile import Dynamics
+from homing_node.core.phase import Dynamics
 from homing_node.plant.controller import RECOMMENDED, JtcParameters
 from homing_node.rehearsal.stream import COURSES, DURATION, FAST, JERK, Stream, run, worst
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far an axis goes on before it rests or has turned: closed forms of the jerk-limited stop.
 
-The same trajectories that profile.py lets ruckig compute, as formulas; all arguments and results
-are positive. Units: m or rad, s.
+The same trajectories that core/phase.py lets ruckig compute, as formulas; all arguments and
+results are positive. Units: m or rad, s.
 """
 
 from collections.abc import Callable

@@ -16,7 +16,8 @@ from ..procedures.states import IndexMarginAction
 from .latches import Latches
 from .mechanical_end import MechanicalEnd
 from .outcome import Failure
-from .profile import Dynamics, Profile
+from .phase import Dynamics
+from .profile import Profile
 from .signals import Edge, Mark
 from .travel import Leg
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Jerk-limited setpoints of one axis; the only module that uses ruckig.
+"""Jerk-limited setpoints of one axis.
 
 A motion is planned as a whole when it is ordered: a path of pieces of constant jerk. Searches and
 stops use ruckig's velocity interface, moves its position interface. Everything is in the axis's
@@ -8,26 +8,18 @@ stops use ruckig's velocity interface, moves its position interface. Everything 
 A controller is told in advance (:meth:`Profile.announce`): the plan up to a horizon, and a stop to
 rest after that. Where cycles are missed for longer than the horizon, the controller is on that
 stop, and :meth:`Profile.skip` lets the plan go on from there.
-
-Source of the trajectories: L. Berscheid, T. Kroeger, "Jerk-limited Real-time Trajectory
-Generation with Arbitrary Target States", 2021 (ruckig).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from copy import copy
 from functools import partial, wraps
 from typing import Concatenate, NamedTuple, ParamSpec
 
-from ruckig import ControlInterface, InputParameter, Ruckig, RuckigError, Trajectory
-
-from .path import SAME_TIME, Piece, State, Stop, state_at, until
+from .path import SAME_TIME, Piece, Stop, state_at, until
+from .phase import Dynamics, NoTrajectory, Phase, pieces_of, to_velocity
 
 #: Below this a velocity or a distance is ruckig's rounding, not a motion.
 TINY = 1e-12
-#: ruckig finds no trajectory where two of its cases meet exactly (a move of 2 a^3 / j^2, say); a
-#: jerk smaller by this part leaves that point.
-OFF_THE_POINT = 1e-6
-ATTEMPTS = 5
 #: How long the path is remembered, s: a message of the feedback may be so late (travel.py).
 REMEMBERED = 0.15
 #: A command whose drive is off goes back to where the axis is: it brakes within this time, s.
@@ -35,28 +27,6 @@ BACK = 0.02
 #: A pause of single setpoints up to this long is a late setpoint; after a longer one the axis has
 #: stood still, s.
 STOOD_STILL = 0.01
-
-
-class Dynamics(NamedTuple):
-    """The limits of a motion: velocity, acceleration, deceleration (all > 0)."""
-
-    velocity: float
-    acceleration: float
-    deceleration: float
-
-
-class Phase(NamedTuple):
-    """One part of a motion: to a velocity, or to a position and rest there.
-
-    ``dynamics`` are in use from its begin on, ``up`` and ``down`` bound the acceleration in the
-    positive and in the negative direction; ``velocity`` is the target, or the limit of a move.
-    """
-
-    dynamics: Dynamics
-    up: float
-    down: float
-    velocity: float
-    position: float | None = None
 
 
 class Order(NamedTuple):
@@ -155,11 +125,11 @@ class Profile:
             else:
                 self._plan(Phase(dynamics, limit, limit, velocity))
         elif abs(velocity) < abs(now) - TINY:
-            slower = _to_velocity(old, dynamics.acceleration, old.deceleration, velocity, now)
+            slower = to_velocity(old, dynamics.acceleration, old.deceleration, velocity, now)
             self._plan(slower, slower._replace(dynamics=dynamics))
         else:
             _, acceleration, deceleration = dynamics
-            self._plan(_to_velocity(dynamics, acceleration, deceleration, velocity, now))
+            self._plan(to_velocity(dynamics, acceleration, deceleration, velocity, now))
 
     @_order
     def stop(self, deceleration: float | None = None) -> None:
@@ -232,7 +202,8 @@ class Profile:
     def stopping_position(self, deceleration: float) -> float:
         """Return where a stop that begins now would end."""
         state = self.position, self.velocity, self.acceleration
-        *_, end = self._solve(0.0, state, Phase(self.dynamics, deceleration, deceleration, 0.0))
+        stop = Phase(self.dynamics, deceleration, deceleration, 0.0)
+        *_, end = pieces_of(0.0, state, stop, self._max_jerk)
         return end.position
 
     def shifted(self, by: float) -> 'Profile':
@@ -302,7 +273,8 @@ class Profile:
         if start != self._tail_of:
             limit = dynamics.deceleration
             stop = Phase(dynamics, limit, limit, 0.0)
-            self._tail = list(self._solve(0.0, (0.0, velocity, acceleration), stop))
+            begin = 0.0, velocity, acceleration
+            self._tail = list(pieces_of(0.0, begin, stop, self._max_jerk))
             self._tail_of = start
         self._announced = Stop(end, position, self._tail)
         return present, until(pieces, end), self._announced
@@ -374,71 +346,19 @@ class Profile:
         try:
             for phase in phases:
                 changes.append((time, phase.dynamics))
-                *stretch, last = self._solve(time, state, phase, jerk)
+                *stretch, last = pieces_of(time, state, phase, jerk or self._max_jerk)
                 pieces += stretch
                 time, *state_then = last
                 state = state_then[0], state_then[1], state_then[2]
-        except RuckigError as error:
+        except NoTrajectory as error:
             self._problem = str(error)
             return
         self._problem = ''
         self._pieces, self._changes = [*pieces, last], changes
         self._go_to(self._time)
 
-    def _solve(
-        self, time: float, state: State, phase: Phase, jerk: float = 0.0
-    ) -> Iterator[Piece]:
-        """Yield the pieces of a phase; the last one goes on at its target."""
-        inp, trajectory = InputParameter(1), Trajectory(1)
-        position, velocity, acceleration = state
-        inp.current_position = [position]
-        inp.current_velocity = [velocity]
-        inp.current_acceleration = [acceleration]
-        inp.max_acceleration, inp.min_acceleration = [phase.up], [-phase.down]
-        if phase.position is None:
-            inp.control_interface = ControlInterface.Velocity
-            inp.target_velocity = [phase.velocity]
-        else:
-            inp.target_position = [phase.position]
-            inp.max_velocity = [phase.velocity]
-        jerk = jerk or self._max_jerk
-        for attempt in range(ATTEMPTS):
-            inp.max_jerk = [jerk]
-            try:
-                Ruckig(1).calculate(inp, trajectory)
-                break
-            except RuckigError:
-                if attempt == ATTEMPTS - 1:
-                    raise
-                jerk *= 1.0 - OFF_THE_POINT
-        found = trajectory.profiles[0][0]
-        brake = found.brake
-        stretches = [
-            *zip(brake.t, brake.p, brake.v, brake.a, brake.j, strict=True),
-            *zip(found.t, found.p[:-1], found.v[:-1], found.a[:-1], found.j, strict=True),
-        ]
-        for duration, p, v, a, j in stretches:
-            if duration > 0.0:
-                yield Piece(time, p, v, a, j)
-                time += duration
-        if phase.position is None:
-            yield Piece(time, found.p[-1], phase.velocity, 0.0, 0.0)
-        else:
-            yield Piece(time, phase.position, 0.0, 0.0, 0.0)
-
-
-def _to_velocity(
-    dynamics: Dynamics, acceleration: float, deceleration: float, velocity: float, now: float
-) -> Phase:
-    """Aim at a velocity; ``acceleration`` is used where the speed grows."""
-    # The acceleration that raises the speed points along the target, or, for a stop, nowhere.
-    forward = velocity > 0.0 or (velocity == 0.0 and now < 0.0)
-    if forward:
-        return Phase(dynamics, acceleration, deceleration, velocity)
-    return Phase(dynamics, deceleration, acceleration, velocity)
-
 
 def _from_rest(order: Order) -> Phase:
     """Accelerate from rest to an order's velocity."""
     _, acceleration, deceleration = order.dynamics
-    return _to_velocity(order.dynamics, acceleration, deceleration, order.velocity, 0.0)
+    return to_velocity(order.dynamics, acceleration, deceleration, order.velocity, 0.0)

@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 from ..core.announcement import Announcer, Course, Row, least_horizon
 from ..core.path import Piece, State, state_at
-from ..core.profile import Dynamics, Profile
+from ..core.phase import Dynamics
+from ..core.profile import Profile
 from ..plant.controller import (
     RECOMMENDED,
     JtcParameters,

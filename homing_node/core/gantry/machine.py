@@ -26,7 +26,8 @@ from ..latches import EVENTS
 from ..machine import Machine
 from ..movement import Found, Movement
 from ..outcome import Failure
-from ..profile import Dynamics, Profile
+from ..phase import Dynamics
+from ..profile import Profile
 from ..signals import Edge, Mark
 from .edges import GroupEdge, GroupMark
 from .run import GantryRun

@@ -14,7 +14,8 @@ from ...parameters.axis import AxisParameters
 from ...procedures.motions import Pace
 from ...procedures.states import Error
 from ..outcome import Failure
-from ..profile import Dynamics, Profile
+from ..phase import Dynamics
+from ..profile import Profile
 from ..settling import SETTLE_TIMEOUT, Settling
 from .side import Side
 
