@@ -25,6 +25,7 @@ MODULES = (
     'homing_node.ros.relay.homed_axes',
     'homing_node.ros.simulated.axes',
     'controller_stand_in',
+    'gantry_wires',
 )
 
 

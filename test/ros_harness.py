@@ -73,6 +73,7 @@ MAINS = {
     'homing_coordinator': 'homing_node.ros.coordinator',
     'homed_axes': 'homing_node.ros.relay.homed_axes',
     'simulated_axes': 'homing_node.ros.simulated.axes',
+    'gantry_wires': 'gantry_wires',
 }
 
 

@@ -166,7 +166,10 @@ def test_a_dead_switch_of_a_follower_stops_both_sides(world):
     for joint in ('z_joint', 'dead_joint'):
         samples = ros.course_of(setpoints, joint)
         assert samples[-1].velocity == 0.0
-        assert samples[-1].position - samples[0].position < 0.025
+        # 15 mm to the leader's switch, max_skew and the offset, 50 and 20 ms of patience, 2.5 mm
+        # to stop; and on a busy machine 0.1 s until all of that is heard.
+        most = 0.015 + 0.0023 + 0.0035 + 0.0025 + 0.05 * 0.1
+        assert samples[-1].position - samples[0].position < most
 
 
 def home_until(client, name, state):
