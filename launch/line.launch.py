@@ -32,12 +32,12 @@ def start(context):
     """Return the node and the simulated axes of each cell, and the coordinator."""
     given = context.launch_configurations
 
-    def node(executable, file, namespace):
+    def node(executable, file, namespace, **more):
         return Node(
             package='homing_node',
             executable=executable,
             namespace=namespace,
-            parameters=[given[file]],
+            parameters=[given[file], more] if more else [given[file]],
             remappings=[],
             ros_arguments=['--log-level', given['log_level']],
             output='screen',
@@ -45,9 +45,11 @@ def start(context):
 
     started = [node('homing_coordinator', 'line', '')]
     for cell in filter(None, (name.strip() for name in given['cells'].split(','))):
-        started.append(node('homing_node', 'config', cell))
-        if given['simulated'] == 'true':
+        if given['simulated'] == 'true':  # a dry run tells what rehearsals with the plant take
+            started.append(node('homing_node', 'config', cell, layout=given['plant']))
             started.append(node('simulated_axes', 'plant', cell))
+        else:
+            started.append(node('homing_node', 'config', cell))
     return started
 
 

@@ -113,6 +113,12 @@ def test_a_line_has_a_coordinator_and_a_machine_in_each_cell(tmp_path):
     }
     both = ['homing_node', 'simulated_axes']
     assert own == {'cell1': both, 'cell2': both}
+    node, plant = cells[:2]
+    _, more = node.option('--params-file')
+    layout = {'layout': plant.option('--params-file')[0]}
+    assert yaml.safe_load(Path(more).read_text()) == {'/**': {'ros__parameters': layout}}
+    node, *_ = launched(LINE, tmp_path, simulated='false').started[1:]
+    assert len(node.option('--params-file')) == 1
     assert launched(LINE, tmp_path, cells='').started == [coordinator]
 
 
