@@ -36,9 +36,9 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 DISCOVERY = os.environ.get('DISCOVERY', 'server')
-AXES, STEPS = int(os.environ.get('AXES', '32')), 4
-RATE, FEEDBACK = 10.0, 10.0  # Hz, of a node's cycle and of its feedback
-AT_ONCE = 8  # axes home at the same time
+AXES, STEPS = int(os.environ.get('AXES', '32')), 2
+RATE, FEEDBACK = 5.0, 5.0  # Hz, of a node's cycle and of its feedback
+AT_ONCE = 4  # axes home at the same time
 REST = 5.0  # s, that the line is measured at rest
 PATIENCE = 120.0  # s
 GOING = 10.0  # s, after which a process that has not ended is killed
@@ -52,7 +52,7 @@ AXIS = {
     'homing_velocity_slow': 0.002,
     'home_shift_distance': 0.005,
     'feedback_timeout': 10.0,
-    'following_error': 0.05,  # the drives play at 10 Hz
+    'following_error': 0.05,  # the drives play at a low rate
     'switches': '[]',
 }
 #: Where the discovery server listens.

@@ -24,7 +24,7 @@ from homing_node.ros.reports import LINGER, STATES_AT_ONCE, Publishers, Reports
 class Watched:
     """Reports about some axes that home, without a graph: what is published is kept."""
 
-    def __init__(self, number):
+    def __init__(self, number, period=0.004):
         self.axes = {f'a{i}': Axis(f'a{i}', rig('HS').parameters(), 0.004) for i in range(number)}
         for axis in self.axes.values():
             for switch in axis.parameters.inputs:
@@ -50,6 +50,7 @@ class Watched:
             SimpleNamespace(
                 **{level: self.logger(level) for level in ('info', 'warning', 'error')}
             ),
+            period=period,
         )
 
     def publisher(self, kind):
@@ -64,6 +65,13 @@ class Watched:
 
     def of(self, kind):
         return [message for published, message in self.published if published == kind]
+
+
+def test_homed_positions_are_published_no_more_often_than_they_are_new():
+    for period, pause in ((0.004, 0.02), (0.1, 0.1)):
+        watched = Watched(1, period)
+        watched.axes['a0'].homed = True
+        assert watched.reports._joint_states() == pause
 
 
 def end(axis, outcome):

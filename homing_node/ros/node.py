@@ -231,6 +231,7 @@ class HomingNode(ConfiguredNode):
             self.get_logger(),
             InputStatus(lambda: self._shared_signals.wiring, self._timebase).of,
             self._note_state,
+            1.0 / self.configuration.update_rate,
         )
 
     def _note_state(self, axis: GuardedAxis, stamp: int, report: StateReport) -> bool:

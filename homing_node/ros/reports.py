@@ -31,7 +31,7 @@ REST_PERIOD = 1.0
 LEVELS_PERIOD = 0.1
 #: More states than these do not leave at once, so that the cycle never waits long for the lock.
 STATES_AT_ONCE = 8
-#: Periods of the homed joint states and of the diagnostics, s.
+#: Periods of the homed joint states, where the cycle is not slower, and of the diagnostics, s.
 JOINT_STATES_PERIOD = 0.02
 DIAGNOSTICS_PERIOD = 1.0
 #: How long the node stays after its last report, s.
@@ -104,7 +104,7 @@ class Reports:
     ``stamp`` returns the ROS time in ns; ``lock`` guards the axes; ``node_name`` is the fully
     qualified one; ``inputs_of`` returns what the diagnostics say of each input of an axis;
     ``note`` takes each state that is published (axis, stamp in ns, report), and returns whether
-    it is recorded.
+    it is recorded. ``period`` is that of the cycle, s: positions are new no more often.
     """
 
     def __init__(
@@ -118,8 +118,10 @@ class Reports:
         logger: Any,
         inputs_of: Callable[[Axis], Mapping[str, str]] = lambda axis: {},
         note: Callable[[Axis, int, StateReport], object] = lambda axis, stamp, report: None,
+        period: float = 0.0,
     ) -> None:
         self._axes, self._joints, self._note = axes, joints, note
+        self._joint_states_period = max(JOINT_STATES_PERIOD, period)
         self._to = publishers
         self._stamp, self._lock, self._node_name, self._logger = stamp, lock, node_name, logger
         # No SimpleQueue: until Python 3.13 a short wait for nothing may never end there.
@@ -317,7 +319,7 @@ class Reports:
         self._queue.put(
             (self._to.joint_states.publish, messages.joint_states(self._stamp(), homed))
         )
-        return JOINT_STATES_PERIOD
+        return self._joint_states_period
 
     def _diagnostics(self) -> float:
         self._queue.put(
