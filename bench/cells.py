@@ -38,6 +38,7 @@ from trajectory_msgs.msg import JointTrajectory
 DISCOVERY = os.environ.get('DISCOVERY', 'server')
 AXES, STEPS = int(os.environ.get('AXES', '32')), 2
 RATE, FEEDBACK = 5.0, 5.0  # Hz, of a node's cycle and of its feedback
+MOST_REQUESTS = 8  # until the line must be homed
 AT_ONCE = 4  # axes home at the same time
 REST = 5.0  # s, that the line is measured at rest
 PATIENCE = 120.0  # s
@@ -312,6 +313,7 @@ class Case(NamedTuple):
     answered: float  # a dry run of the line
     rest: Part
     homing: Part
+    requests: int  # until the whole line was homed
     memory: float  # of a cell
     own_memory: float  # of the coordinator
 
@@ -331,12 +333,13 @@ def case(cells: int, rest: float) -> Case:
         check(line.home(dry_run=True))
         answered = time.monotonic() - asked
         at_rest = measured(line, lambda: line.wait(rest))
-        homing = measured(line, lambda: check(line.home(force=True)))
+        requests: list[Home.Result] = []
+        homing = measured(line, lambda: requests.extend(until_homed(line)))
         memory = [usage(one).memory for one in line.nodes]
         own = usage(line.coordinator).memory
     finally:
         line.close()
-    return Case(cells, started, answered, at_rest, homing, sum(memory) / cells, own)
+    return Case(cells, started, answered, at_rest, homing, len(requests), sum(memory) / cells, own)
 
 
 def of_case(one: Case) -> Iterator[Figure]:
@@ -355,6 +358,14 @@ def of_case(one: Case) -> Iterator[Figure]:
         yield Figure(
             f'{what}, {name}: age of a state, 99 of 100', 'ms', [old], (), '≤ 200', old <= 200.0
         )
+    yield Figure(
+        f'{what}: requests until the line was homed',
+        '',
+        [one.requests],
+        (),
+        '1',
+        one.requests == 1,
+    )
     yield Figure(f'{what}: memory of a cell', 'MB', [one.memory])
     yield Figure(f'{what}: memory of the coordinator', 'MB', [one.own_memory])
 
@@ -372,6 +383,18 @@ def growth(few: Case, many: Case) -> Iterator[Figure]:
     yield Figure(
         f'{what}: memory of the coordinator', 'MB', [(many.own_memory - few.own_memory) / further]
     )
+
+
+def until_homed(line: Line) -> list[Home.Result]:
+    """Home the line, and what is left while cells answer too late; return the results."""
+    results = [line.home(force=True)]
+    while results[-1].error_code in (AxisState.CELL_LOST, AxisState.RESULT_LOST):
+        print(results[-1].message[:300])
+        if len(results) == MOST_REQUESTS:
+            break
+        results.append(line.home())
+    check(results[-1])
+    return results
 
 
 def check(result: Home.Result) -> None:
