@@ -493,6 +493,7 @@ WITH = [
         words='every run',
     ),
     Case('hs-reverse-bound', ERROR, {'max_hs_on_at_start_reverse_distance': 0.01}, right=0.011),
+    Case('reversal-off', WARNING, {'limit_reversal': False}, right=True, words='0.025 m'),
     Case('search-bound', ERROR, {'max_search_distance': 0.13}, right=0.16),
     Case('search-bound', WARNING, {'max_search_distance': 0.145}, right=0.16),
     Case(

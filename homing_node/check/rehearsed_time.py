@@ -48,12 +48,15 @@ def too_short(
 
 
 def _starts(parameters: AxisParameters, layout: AxisLayout) -> Mapping[str, float]:
-    """Return where the longest runs begin, raw: at the far end, and beyond the home switch."""
+    """Return where the longest runs begin, raw: at the far end, on the home switch, beyond it."""
     at = Geometry(parameters, layout)
     if max(map(abs, layout.hard_stops)) == inf:
         return {}
     starts = {'the far end': at.raw(-at.stops[Way.AWAY])}
     home = at.flags.get(Input.HOME_SWITCH)
+    if home:
+        middle = 0.5 * (max(home.low, -at.stops[Way.AWAY]) + min(home.high, at.stops[Way.TOWARD]))
+        starts['the home switch'] = at.raw(middle)
     if home and home.leaves(Way.TOWARD) < at.stops[Way.TOWARD]:
         starts['beyond the home switch'] = at.raw(home.leaves(Way.TOWARD))
     return starts

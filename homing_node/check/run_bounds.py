@@ -4,7 +4,7 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from ..plant.geometry import place_of
+from ..plant.geometry import Flag, place_of
 from ..procedures.events import Event
 from ..procedures.motions import Bound, Kind, Pace, Way
 from ..procedures.procedure import Row
@@ -14,6 +14,7 @@ from .axis_with_layout import AxisWithLayout
 from .finding import Finding, Severity, up
 from .stopping import turning_distance
 
+HS_EVENTS = (Event.HS_RISES, Event.HS_FALLS)
 #: More steps than any run takes for a pass.
 MOST_STEPS = 20
 
@@ -36,7 +37,10 @@ class RunBounds(AxisWithLayout):
         """Check the way from a limit switch back over the home switch."""
         p, at = self.p, self.at
         home, ahead = at.flags.get(Input.HOME_SWITCH), self.first_limits(Way.TOWARD)
-        if Role.REVERSAL not in p.limits_ahead.values() or not home or not ahead:
+        if not home or not ahead:
+            return
+        if Role.REVERSAL not in p.limits_ahead.values():
+            yield from self._no_reversal(home, min(ahead))
             return
         name, bound = self._bound(Bound.LS_REVERSE)
         velocity, acceleration, deceleration = p.pace(Pace.FAST)
@@ -70,6 +74,25 @@ class RunBounds(AxisWithLayout):
                 name,
                 bound,
                 up(1.05 * most),
+            )
+
+    def _no_reversal(self, home: Flag, ahead: float) -> Iterator[Finding]:
+        """Find a home switch that a run may miss, where no limit switch turns the axis."""
+        searched = any(event in row.on for _, row in self.searches for event in HS_EVENTS)
+        towards = self.searches and self.searches[0][1].motion.way is Way.TOWARD
+        if self.p.limit_reversal or not (searched and towards):
+            return
+        if home.leaves(Way.TOWARD) < ahead:
+            yield self.found(
+                Severity.warning,
+                'reversal-off',
+                f'limit_reversal is false, and the home switch ends {ahead - home.high:.4g} m '
+                'before the limit switch ahead',
+                'a run that starts between them ends with LSTriggered',
+                'limit_reversal',
+                'false',
+                True,
+                '',
             )
 
     def off_the_limit(self) -> Iterator[Finding]:
