@@ -283,10 +283,10 @@ CASES = {
         {'bounces': [FOLLOWER]}, skew=0.0001
     ),
     "follower's cable swapped with the leader's, of the motors": Case(
-        {'motors': SWAPPED}, 'NotSquare', 'swapped'
+        {'motors': SWAPPED}, 'NotSquare', 'gets worse in Squaring'
     ),
     "follower's cable swapped with the leader's, of the encoders": Case(
-        {'encoders': SWAPPED}, 'NotSquare', 'swapped', skew=0.0005
+        {'encoders': SWAPPED}, 'NotSquare', 'gets worse in Squaring', skew=0.0005
     ),
     "follower's feedback frozen": Case({'frozen': [FOLLOWER]}, SKEWED, 'y.y2 is ', 'fast'),
     "leader's feedback frozen": Case({'frozen': [LEADER]}, SKEWED, 'y.y2 is ', 'fast'),
