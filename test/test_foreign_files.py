@@ -400,6 +400,7 @@ def test_a_method_that_has_no_equal(method, why):
         ('loadrt hm2_eth\n', 'a HAL file of LinuxCNC'),
         ('<robot name="r"/>\n', 'a URDF or another XML file'),
         ('hello\n', 'the kind of file is not known'),
+        ('a: ' + 5000 * '[' + 5000 * ']', 'the kind of file is not known'),
         ('', 'the kind of file is not known'),
     ],
 )

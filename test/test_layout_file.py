@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layout files: both forms, what may be unknown, and faults with their place."""
 
+from itertools import pairwise
 from math import inf, isnan
 from pathlib import Path
 
@@ -59,6 +60,26 @@ def test_nothing_known_but_the_axis(tmp_path):
 def test_an_axis_starts_within_its_travel(tmp_path, stops, start):
     layout = read(tmp_path, f'x: {{hard_stops: {stops}}}').layouts['x']
     assert layout.start == pytest.approx(start)
+
+
+@pytest.mark.parametrize(
+    'text', ['x: {lag: %s}' % ('9' * 5000), 'x: %s' % ('9' * 5000), '%s: {}' % ('[' * 3000)]
+)
+def test_values_that_python_does_not_read(tmp_path, text):
+    with pytest.raises(InvalidLayout, match=r'layout.yaml:1: .*(too long|expected)|nested'):
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize('top', ['a: *h\n', 'a: {lag: *h}\n', 'a: {home_switch: *h}\n'])
+def test_a_value_of_millions_makes_no_message_of_millions(tmp_path, top):
+    """Each line holds the one before it nine times."""
+    names = 'bcdefgh'
+    lines = ['  - &b [1, 1, 1, 1, 1, 1, 1, 1, 1]']
+    for before, name in pairwise(names):
+        lines.append(f'  - &{name} [{", ".join(9 * ["*" + before])}]')
+    with pytest.raises(InvalidLayout) as found:
+        read(tmp_path, '\n'.join(['z:', *lines]) + '\n' + top)
+    assert all(len(fault) < 1000 for fault in found.value.faults)
 
 
 @pytest.mark.parametrize('line', ['index_pitch: 1', 'hard_stops: [0, 1', 'lag: -1'])

@@ -96,7 +96,7 @@ def test_a_control_chart(tmp_path, capsys, monkeypatch):
     assert (tmp_path / 'x_history.png').read_bytes()[:4] == b'\x89PNG'
     assert history(capsys, 'x', '--memory', 'm', '--plot', 'a.svg')[0] == 0
     drawn = (tmp_path / 'a.svg').read_text()
-    assert '<svg' in drawn
+    assert '<svg' in drawn and 'x: homes around 0.100000 m (raw)' in drawn
     status, _, err = history(capsys, 'x', '--memory', 'm', '--plot', 'a.xyz')
     assert status == 2 and 'a.xyz' in err
     kept(tmp_path / 'm', homes(3))

@@ -168,6 +168,7 @@ def _plot(arguments: argparse.Namespace, memory: Memory, unit: Unit) -> None:
     if series is None or not series.known:
         raise Failure('--plot: there are too few runs to draw', status=FAILED)
     path = arguments.plot if arguments.plot.name else Path(f'{arguments.axis}_history.png')
-    written(path, lambda: control_chart.draw(path, series, f'{arguments.axis}: home', unit))
+    title = f'{arguments.axis}: homes around {series.centre:.6f} {unit} (raw)'
+    written(path, lambda: control_chart.draw(path, series, title, unit))
     if not arguments.json:
         print(f'\nwrote {path}')

@@ -48,7 +48,7 @@ def sweep_axis(
         trials = list(sweep(parameters, where, transport, positions, axis, done, followers))
     path = arguments.plot or Path(f'{axis}_starts.png')
     unit = arguments.unit or str(parameters.unit)
-    title = f'{axis}: {parameters.home_type} {parameters.home_direction}'
+    title = f'{axis}: {parameters.home_type} {parameters.home_direction}, time from each start'
     written(path, lambda: sweep_plot.draw(path, trials, where, title, unit))
     if arguments.save:
         written(arguments.save, lambda: _save_starts(arguments.save, trials))

@@ -43,7 +43,7 @@ def recognises(text: str) -> bool:
     """Tell whether a text is a bus configuration."""
     try:
         return any(True for _ in _drives(_mapping(text)))
-    except (yaml.YAMLError, Unconvertible):
+    except (yaml.YAMLError, ValueError, RecursionError):  # the last: nested too deeply
         return False
 
 

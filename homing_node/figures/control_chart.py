@@ -47,9 +47,9 @@ def figure(series: Series, title: str, unit: Unit) -> Figure:
             _points(axes, found, centre, colour, name)
     axes.set_xlabel('run')
     axes.set_ylabel(f'from the centre, µ{unit}')
-    axes.set_title(title, loc='left', color=INK)
+    axes.set_title(title, loc='left', color=INK, fontsize=10.5, fontweight='bold')
     axes.annotate(
-        f'{FAR:g} scales',
+        f'suspicious beyond: {FAR:g} scales, {bound:.3g} µ{unit}',
         (1.0, bound),
         xycoords=('axes fraction', 'data'),
         xytext=(-3, 2),

@@ -8,6 +8,7 @@ what is wrong with it, the bound and the unit.
 
 import difflib
 import math
+import reprlib
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -29,6 +30,17 @@ REQUIRED: Any = object()
 
 #: How a message names a kind of value.
 KINDS: Mapping[type, str] = {float: 'a number', int: 'an integer', bool: 'true or false'}
+
+
+#: How much of a value a message shows; a file of a few lines may hold a value of millions.
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict, _SHORT.maxstring = 2, 8, 8, 200
+_SHORT.maxtuple, _SHORT.maxlong, _SHORT.maxother = 8, 60, 200
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it."""
+    return _SHORT.repr(value)
 
 
 class Interval(NamedTuple):
@@ -123,7 +135,7 @@ class Definition:
 
     def _wrong_kind(self, value: object, kind: str) -> ValueError:
         unit = f' ({self.unit})' if self.unit else ''
-        return ValueError(f'{self.name}: {value!r} is not {kind}{unit}')
+        return ValueError(f'{self.name}: {shown(value)} is not {kind}{unit}')
 
     def _check_bounds(self, value: float) -> None:
         if math.isfinite(value) and self.minimum <= value <= self.maximum:
@@ -140,7 +152,7 @@ class Definition:
         if isinstance(value, str) and value in names:
             return value
         raise ValueError(
-            f'{self.name}: {value!r} is none of {", ".join(names)}' + suggestion(value, names)
+            f'{self.name}: {shown(value)} is none of {", ".join(names)}' + suggestion(value, names)
         )
 
     def _inputs(self, value: object) -> tuple[Input, ...]:
@@ -154,7 +166,7 @@ class Definition:
     def _strings(self, value: object) -> list[str]:
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
             raise ValueError(
-                f'{self.name}: {value!r} is not a list of strings; quote the names, '
+                f'{self.name}: {shown(value)} is not a list of strings; quote the names, '
                 "YAML reads an unquoted y as true: ['x', 'y']"
             )
         return value
@@ -218,7 +230,8 @@ def suggestion(value: object, names: Iterable[str]) -> str:
     Upper and lower case make no difference.
     """
     by_lower = {name.lower(): name for name in names}
-    close = difflib.get_close_matches(str(value).lower(), list(by_lower), 1)
+    text = value if isinstance(value, str) else shown(value)
+    close = difflib.get_close_matches(text.lower(), list(by_lower), 1)
     return f'; did you mean {by_lower[close[0]]!r}?' if close else ''
 
 

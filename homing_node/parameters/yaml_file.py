@@ -23,6 +23,8 @@ NODE = '/homing_node'
 
 TRUE = frozenset(['y', 'Y', 'yes', 'Yes', 'YES', 'true', 'True', 'TRUE', 'on', 'On', 'ON'])
 FALSE = frozenset(['n', 'N', 'no', 'No', 'NO', 'false', 'False', 'FALSE', 'off', 'Off', 'OFF'])
+#: A whole number of 64 bits is no longer, characters.
+LONGEST_INTEGER = 40
 OCTAL = re.compile(r'[-+]?0[0-7]+')
 INTEGER = re.compile(r'[-+]?(0[xX][0-9a-fA-F]+|0|[1-9][0-9]*)')
 REAL = re.compile(
@@ -254,7 +256,7 @@ def _scalar(name: str, node: yaml.Node) -> Any:
     if text in TRUE or text in FALSE:
         return text in TRUE
     octal = OCTAL.fullmatch(text)
-    if octal or INTEGER.fullmatch(text):
+    if len(text) <= LONGEST_INTEGER and (octal or INTEGER.fullmatch(text)):
         whole = int(text, 8 if octal else 0)
         if -(2**63) <= whole < 2**63:
             return whole

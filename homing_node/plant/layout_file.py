@@ -86,6 +86,19 @@ _Loader.add_implicit_resolver(
 )
 
 
+def _whole(loader: _Loader, node: yaml.ScalarNode) -> int:
+    """Return a whole number; Python reads none with thousands of digits."""
+    try:
+        return int(loader.construct_yaml_int(node))
+    except ValueError:
+        raise yaml.constructor.ConstructorError(
+            problem='a whole number that is too long', problem_mark=node.start_mark
+        ) from None
+
+
+_Loader.add_constructor('tag:yaml.org,2002:int', _whole)
+
+
 @dataclass
 class _Reader:
     """Collects the entries of the axes, and the lines where they stand."""

@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping
 
-from ..parameters.definition import Interval, InvalidParameters, read
+from ..parameters.definition import Interval, InvalidParameters, read, shown
 from .gantry_layout import follower_layout, gantry_faults, split
 from .layout import FURTHEST, LAYOUT, NOWHERE, SWITCHES, AxisLayout, SwitchLayout
 
@@ -24,7 +24,7 @@ def layouts_from(mapping: Mapping[str, object]) -> dict[str, AxisLayout]:
             layouts[axis] = layout
             faults += [f'{axis}.{fault}' for fault in found]
         else:
-            faults.append(f'{axis}: {entries!r} is not a mapping of keys to values')
+            faults.append(f'{axis}: {shown(entries)} is not a mapping of keys to values')
     if faults:
         raise InvalidParameters(faults)
     return layouts
