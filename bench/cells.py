@@ -62,7 +62,7 @@ SERVER = '127.0.0.1', 11811
 BY_SERVER = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
     'ROS_DISCOVERY_SERVER': '{}:{}'.format(*SERVER),
-    'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
+    'FASTRTPS_DEFAULT_PROFILES_FILE': str(HERE / 'by_server.xml'),
 }
 UDP = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
@@ -134,6 +134,7 @@ class Line:
             [EXECUTABLE.with_name('fast-discovery-server'), '-i0', f'-l{address}', f'-p{port}'],
             stdin=subprocess.PIPE,  # it ends with its input
             stdout=subprocess.DEVNULL,
+            env={**os.environ, 'FASTRTPS_DEFAULT_PROFILES_FILE': str(HERE / 'by_server.xml')},
         )
 
     def close(self) -> None:
@@ -160,7 +161,12 @@ class Line:
 
     def _cell(self) -> str:
         lines = ['/**:', '  ros__parameters:', f'    axes: {NAMES}', f'    update_rate: {RATE}']
-        lines += ['    memory: ""', '    cycle_timeout: 10.0', '    ready_timeout: 60.0']
+        lines += [
+            '    memory: ""',
+            '    record: ""',
+            '    cycle_timeout: 10.0',
+            '    ready_timeout: 60.0',
+        ]
         for name in NAMES:
             lines.append(f'    {name}:')
             lines += [f'      {key}: {value}' for key, value in AXIS.items()]
