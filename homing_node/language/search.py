@@ -6,7 +6,6 @@ What several inputs want is a tree: a step that several of them begin with is go
 
 import struct
 from collections.abc import Sequence
-from math import inf
 from typing import Any, NamedTuple
 
 from .cdr import Place, Texts, Walk
@@ -208,7 +207,7 @@ class _Columns:
         texts = place[self._keys]
         columns = texts.notes.get(self)
         if columns is None:
-            columns = texts.notes[self] = self._columns(texts, search.walk.order)
+            columns = texts.notes[self] = self._columns(search, place)
         begin, elements = place[self._field]
         if columns.needed > elements:
             for way in self._ways:
@@ -217,32 +216,34 @@ class _Columns:
         numbers = columns.numbers.unpack_from(search.walk.data, begin)
         for slot, index in columns.indices:
             found[slot] = numbers[index]
+        for slot, missing in columns.missing:
+            found[slot] = missing
 
-    def _columns(self, texts: Texts, order: str) -> '_Found':
-        indices = []
+    def _columns(self, search: _Search, place: Place) -> '_Found':
+        indices: list[tuple[int, int]] = []
+        missing: list[tuple[int, Missing]] = []
         for way in self._ways:
-            (key,) = way.step.beside
-            elements = texts.elements.get(key.wanted, [])
-            if len(elements) != 1:
-                return NOT_FOUND
-            indices += [(slot, elements[0]) for slot in way.slots]
-        needed = 1 + max(index for _, index in indices)
-        return _Found(needed, struct.Struct(f'{order}{needed}{self._code}'), indices)
+            matches, why = search.matches(way.step, place[self._field], place)
+            if why:
+                missing += [(slot, Missing(why)) for slot in way.slots]
+            else:
+                indices += [(slot, matches[0]) for slot in way.slots]
+        needed = 1 + max((index for _, index in indices), default=-1)
+        numbers = struct.Struct(f'{search.walk.order}{needed}{self._code}')
+        return _Found(needed, numbers, indices, missing)
 
 
 class _Found(NamedTuple):
     """Where numbers are in an array.
 
     Attributes:
-        needed: how many elements it must have; inf: a name stands nowhere, or more than once.
+        needed: how many elements it must have.
         numbers: unpacks these.
         indices: the place of each number, in what is found and among these.
+        missing: the place of each other number in what is found, and why it is not there.
     """
 
-    needed: float
+    needed: int
     numbers: struct.Struct
     indices: Sequence[tuple[int, int]]
-
-
-#: Nothing, for one name of some is not there.
-NOT_FOUND = _Found(inf, struct.Struct(''), ())
+    missing: Sequence[tuple[int, Missing]]
