@@ -534,6 +534,11 @@ def test_diagram_into_a_file(capsys):
         (['check', PLANT], f'this looks like a layout: use --layout {PLANT}'),
         (['run', PLANT, '--layout', PLANT], f'this looks like a layout: use --layout {PLANT}'),
         (['plot', 'none.npz'], 'none.npz: No such file'),
+        (
+            ['run', DEMO, '--layout', PLANT, '--axis', 'x', '--plot', 'x'],
+            'x: a picture is written',
+        ),
+        (['run', DEMO, '--layout', PLANT, '--axis', 'x', '--plot', 'x.eps'], '.png, .svg or .pdf'),
         (['diagram', 'HS', '-o', 'no/hs.svg'], 'No such file'),
     ],
 )

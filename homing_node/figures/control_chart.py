@@ -3,15 +3,14 @@
 
 from collections.abc import Sequence
 from os import PathLike
-from pathlib import Path
 
-from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..memory.series import FAR, Series, Value
 from ..parameters.units import Unit
 from .palette import BLUE, DARK_GREY, DARK_VERMILLION, GREY, INK
+from .sheet import save
 
 MICRO = 1e6
 
@@ -21,10 +20,7 @@ def draw(path: str | PathLike[str], series: Series, title: str, unit: Unit) -> N
 
     Raises ValueError for an unknown format, OSError where the file cannot be written.
     """
-    drawn = figure(series, title, unit)
-    dates = {'.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
-    with rc_context({'svg.hashsalt': 'homing_node'}):
-        drawn.savefig(path, dpi=160, metadata=dates.get(Path(path).suffix))
+    save(figure(series, title, unit), path)
 
 
 def figure(series: Series, title: str, unit: Unit) -> Figure:

@@ -8,10 +8,8 @@ across the position diagram, named beside it. Whatever a colour tells is written
 from collections.abc import Sequence
 from math import inf, isfinite
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -42,6 +40,7 @@ from .sheet import (
     WIDTH,
     right_margin,
 )
+from .sheet import save as write
 from .state_strip import bands_of, draw_names, names_need, place_names
 
 
@@ -201,11 +200,7 @@ def save(
     The same course gives the same file, byte for byte. Raises ValueError for an unknown format,
     OSError where the file cannot be written.
     """
-    drawn = figure(course, layout, title, panels, unit, beneath)
-    dated = Path(path).suffix in ('.svg', '.pdf')
-    date = {'.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
-    with rc_context({'svg.hashsalt': 'homing_node', 'hatch.linewidth': 0.5}):
-        drawn.savefig(path, dpi=160, metadata=date[Path(path).suffix] if dated else None)
+    write(figure(course, layout, title, panels, unit, beneath), path)
 
 
 # ------------------------------------------------------------------------------- what is shown

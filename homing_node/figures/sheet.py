@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sheet on which a course is drawn: its lengths, and the sizes of its texts."""
+"""The sheet of a picture: its lengths, the sizes of its texts, and how it is written."""
 
 from collections.abc import Sequence
 from functools import cache
+from os import PathLike
+from pathlib import Path
 
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 from matplotlib.textpath import TextPath
 
 # Lengths on the sheet: in.
@@ -17,6 +21,22 @@ SMALL, NORMAL, LARGE = 7.5, 8.5, 10.5
 LINE = 11.0
 #: From a panel to the labels that stand beside it.
 BESIDE = 14.0
+
+
+#: The formats of pictures, and what keeps a date out of them.
+FORMATS = {'.png': None, '.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
+
+
+def save(drawn: Figure, path: str | PathLike[str]) -> None:
+    """Write a picture; the same picture gives the same file.
+
+    Raises ValueError for an unknown format, OSError where the file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        raise ValueError(f'{path}: a picture is written as .png, .svg or .pdf')
+    with rc_context({'svg.hashsalt': 'homing_node', 'hatch.linewidth': 0.5}):
+        drawn.savefig(path, dpi=160, metadata=FORMATS[suffix])
 
 
 @cache

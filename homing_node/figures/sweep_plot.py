@@ -3,9 +3,7 @@
 
 from collections.abc import Sequence
 from os import PathLike
-from pathlib import Path
 
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -14,6 +12,7 @@ from ..plant.layout import AxisLayout
 from ..procedures.states import LIMIT_SWITCHES, Input
 from ..rehearsal.sweep import Trial
 from .palette import BLUE, DARK_GREY, DARK_VERMILLION, GREEN, GREY, INK, VERMILLION
+from .sheet import save
 
 MARKS = 'Xsv^DP*hd<>'
 SMALL = 7.5
@@ -30,10 +29,7 @@ def draw(
 
     Raises ValueError for an unknown format, OSError where the file cannot be written.
     """
-    drawn = figure(trials, layout, title, unit)
-    dates = {'.svg': {'Date': None}, '.pdf': {'CreationDate': None}}
-    with rc_context({'svg.hashsalt': 'homing_node'}):
-        drawn.savefig(path, dpi=160, metadata=dates.get(Path(path).suffix))
+    save(figure(trials, layout, title, unit), path)
 
 
 def figure(

@@ -136,6 +136,7 @@ def contents(path: Path) -> Contents:
         except Exception as error:  # the library raises what its parts raise
             if not schemas:
                 text = str(error) if isinstance(error, McapError) else 'it ends too early'
+                text = text or 'it is empty'
                 raise NoRun(f'{path}: no MCAP file with ROS 2 messages: {text}') from None
             found.cut = 'the file ends too early'
     return found
