@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The coordinator's side of a cell whose messages are of another version: no process runs."""
+"""A coordinator and a cell, each side by itself: no process runs."""
 
 from types import SimpleNamespace
 
 import pytest
 import rclpy
 import ros_harness as ros
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from homing_interfaces.msg import AxisState
 from rclpy.context import Context
 from rclpy.serialization import serialize_message
@@ -15,7 +16,10 @@ from homing_node.coordination.turn import Ask
 from homing_node.coordination.turn_table import Asks
 from homing_node.diagnosis.facts import Endpoint
 from homing_node.parameters.line import line
+from homing_node.procedures.states import Error
 from homing_node.ros.cell_link import STATE_TYPE, CellLink
+from homing_node.ros.latched import latched_publisher
+from homing_node.ros.locks import Permissions
 
 
 class Topics:
@@ -46,6 +50,21 @@ def node():
     made.destroy_node()
     rclpy.shutdown(context=context)
     domain.release()
+
+
+def test_what_a_node_is_told_of_locks_counts_at_the_next_question_and_wakes_no_executor(node):
+    topics = Topics()
+    permissions = Permissions(topics, coordinated=False)
+    (queue,) = topics.waiting.values()
+    assert permissions.refusal('x') is None
+    locked = KeyValue(key='x', value='cell1/z is not homed')
+    queue.append((DiagnosticStatus(name='/line', hardware_id='1', values=[locked]), {}))
+    assert permissions.refusal('x').error is Error.PrerequisiteMissing
+    assert queue == []
+    assert permissions.refusal('y') is None
+    permissions.inactive = 'asleep'
+    assert permissions.refusal('y').error is Error.NotActive
+    assert latched_publisher(node, DiagnosticStatus, 'locks').event_handlers == []
 
 
 def test_nothing_is_read_of_a_cell_with_other_messages_and_nothing_asked(node):
