@@ -12,6 +12,7 @@ from homing_node.core.stamps import FALLBACK_DOUBT
 from homing_node.plant.layout import SwitchLayout
 from homing_node.procedures.states import Error
 from homing_node.rehearsal.link import Transport
+from homing_node.rehearsal.run import Rehearsal
 
 STAMP_ERROR = 1e-4
 DELAYS = [
@@ -98,6 +99,29 @@ def test_a_coarse_encoder_is_part_of_the_uncertainty(count, phase):
     course = made.home(limit=60.0)
     error = abs(home_of(course) - TRUE_HOME['HS'])
     assert error <= course.outcome.uncertainty <= 3 * count + 1e-9
+
+
+class Noisy(Rehearsal):
+    """A rehearsal whose feedback is off by chance, 10 um in the mean."""
+
+    def _send_feedback(self, time, position):
+        super()._send_feedback(time, self._random.gauss(position, 1e-5))
+
+
+@pytest.mark.parametrize('speed', [0.005, 0.05])
+def test_the_noise_of_the_feedback_is_part_of_the_uncertainty(speed):
+    """Two readings around the edge hardly show it; the axis at rest does."""
+    values = {'homing_velocity_fast': speed, 'homing_velocity_slow': speed}
+    for seed in range(20):
+        one = rig('HS', **values, switch_stamp_error=1e-6).but(Transport(seed=seed))
+        made = one.rehearsal(start=0.059 - 5e-5 * seed)
+        made.__class__ = Noisy
+        for _ in range(30):
+            made.cycle()
+        outcome = made.home(limit=60.0).outcome
+        assert outcome.success, outcome.message
+        off = abs(outcome.home_position_raw - TRUE_HOME['HS'])
+        assert off <= outcome.uncertainty <= 6e-5
 
 
 # -- stamps that are not believed -----------------------------------------------------------------

@@ -234,7 +234,8 @@ class Readings:
         return self._leap
 
     def begin_run(self) -> None:
-        """Count the bounces of the switches anew."""
+        """Count the bounces of the switches anew, and learn the noise of an axis at rest."""
+        self.track.note_noise(self._rested)
         self._bounces_before = {name: switch.bounces for name, switch in self.switches.items()}
 
     def polling_warning(self, edge: Edge) -> str:
@@ -289,7 +290,7 @@ class Readings:
         for the noise of a count.
         """
         track, p = self.track, self._parameters
-        lasts = min(REST_TIME, track.time - self.settled)
+        lasts = self._rested
         speed, count = abs(track.drift(lasts)), min(track.grain, p.settling_tolerance)
         if speed > max(REST_SPEED * p.homing_velocity_slow, count / REST_TIME):
             return Failure(Error.AxisMoving, f'the axis moves at {speed:.3g} m/s')
@@ -300,6 +301,11 @@ class Readings:
             Error.AxisMoving,
             f'the feedback jumps between places {abs(apart):.6g} m apart, although the axis rests',
         )
+
+    @property
+    def _rested(self) -> float:
+        """For how long an axis must have stood to be at rest, s: not before its last run ended."""
+        return min(REST_TIME, self.track.time - self.settled)
 
     def conflict(self, joint: str) -> Failure | None:
         """Return the failure of a joint that two nodes publish, None if one does."""

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from ..procedures.states import LIMIT_SWITCHES, Input
 from .edge_time import MessageTimes, Opening
-from .track import Track
+from .track import Track, off_line
 
 #: Smallest uncertainty, m or rad: the rounding of what is computed.
 FINEST = 1e-9
@@ -113,7 +113,7 @@ class Edge(Mark):
         speed. The line is off by no more than the largest distance of a reading from the line
         between its neighbours, where the axis stops between two readings; a parabola needs a
         quarter of that. It is also off by a count, but never by more than the axis moves between
-        two readings.
+        two readings. Noise that the axis has shown at rest counts whatever it moves.
         """
         begin, end, doubt = self.opening
         doubt += track.doubt
@@ -123,7 +123,7 @@ class Edge(Mark):
         steps = [abs(newer - older) for (_, newer), (_, older) in pairwise(near)]
         interval = (near[0][0] - near[-1][0]) / len(steps)  # the mean: doubted times may bunch
         bend = max(
-            (_off_line(*three) for three in zip(near, near[1:], near[2:], strict=False)),
+            (off_line(*three) for three in zip(near, near[1:], near[2:], strict=False)),
             default=0.0,
         )
         grain = track.grain if track.grain < inf else 0.0
@@ -133,15 +133,7 @@ class Edge(Mark):
             low, high = track.extent(begin - doubt, min(end + doubt, track.samples[-1][0]))
             first, last = track.extent(begin, end)
             moved = max(moved, first - low, high - last)
-        return moved + min(max(bend, grain), max(grain, *steps))
-
-
-def _off_line(
-    first: tuple[float, float], middle: tuple[float, float], last: tuple[float, float]
-) -> float:
-    """Return how far a reading is from the line between its neighbours."""
-    (t0, p0), (t1, p1), (t2, p2) = first, middle, last
-    return abs(p1 - p0 - (p2 - p0) * ((t1 - t0) / (t2 - t0)))
+        return moved + max(track.noise, min(max(bend, grain), max(grain, *steps)))
 
 
 class Switch:

@@ -40,6 +40,7 @@ class Track:
             nothing.
         period: time between the newest two messages, s; 0 while there are none.
         doubt: how far the times of the newest readings may be wrong, s.
+        noise: how far a reading may be off, as the axis at rest has shown.
     """
 
     __slots__ = (
@@ -49,6 +50,7 @@ class Track:
         'grain',
         'period',
         'doubt',
+        'noise',
         '_hold',
         '_holds',
         '_changed',
@@ -59,7 +61,7 @@ class Track:
     def __init__(self) -> None:
         self.samples: deque[Sample] = deque(maxlen=TRACK_LENGTH)
         self.time = -1e300
-        self.position = self.doubt = self.period = 0.0
+        self.position = self.doubt = self.period = self.noise = 0.0
         self.grain = inf
         self._holds: deque[float] = deque(maxlen=HOLDS)
         self._hold = 0.0  # the usual one of them, s; 0 while there are none
@@ -200,6 +202,17 @@ class Track:
                 return apart
         return 0.0
 
+    def note_noise(self, lasts: float) -> None:
+        """Learn the noise from the newest `lasts` s, in which the axis was at rest.
+
+        That it drifts is no noise: it is the largest distance of a reading from the line between
+        its neighbours.
+        """
+        rest = [sample for sample in self.samples if sample[0] > self.time - lasts]
+        if len(rest) > 2:
+            triples = zip(rest, rest[1:], rest[2:], strict=False)
+            self.noise = max(off_line(*three) for three in triples)
+
     def covers(self, time: float) -> bool:
         """Return whether there are readings on both sides of a time."""
         return len(self.samples) > 1 and time <= self.samples[-1][0]
@@ -282,6 +295,12 @@ class Track:
                 break
             low, high = min(low, position), max(high, position)
         return high - low
+
+
+def off_line(first: Sample, middle: Sample, last: Sample) -> float:
+    """Return how far a reading is from the line between its neighbours."""
+    (t0, p0), (t1, p1), (t2, p2) = first, middle, last
+    return abs(p1 - p0 - (p2 - p0) * ((t1 - t0) / (t2 - t0)))
 
 
 def _vertex(first: Sample, *others: Sample) -> float:
