@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Watching: what `homing watch` takes of a core.
+"""Watching: what `homing watch` takes of a core, and whether the node's cycle is later for it.
 
 32 axes with 200 inputs, of which one of each axis changes ten times a second, so that each axis
 tells its state at 10 Hz. A stand-in publishes; the table is on a terminal of 200 columns.
+
+Lateness is that of a real node all whose axes search: from when a cycle was due to the stamp that
+the middleware gave its setpoints. The verb runs in every second block of one run of the node.
 """
 
 import os
@@ -12,18 +15,24 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from figures import Figure
-from graph import free_domain
+from figures import Figure, nth
+from graph import Heard, World, cpu_seconds, free_domain
+from grid import load
 from homing_interfaces.msg import AxisState
 from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 AXES, INPUTS, RATE = 32, 200, 10.0
+#: Axes, and rate of the cycle and of the feedback, Hz, of the node whose lateness is measured.
+CASES = ((8, 250.0), (32, 100.0))
+SETTLE = 1.0  # s, before a block
 NODE = '/homing_node'
 #: The executable that a user runs.
 EXECUTABLE = Path(sys.executable).with_name('homing')
@@ -91,14 +100,9 @@ class StandIn:
         ]
 
 
-def used(process: int) -> float:
-    """Return the processor time of a process so far, s."""
-    fields = Path(f'/proc/{process}/stat').read_text(encoding='utf-8').rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
-
-
-def share(domain: int, lines: int, lasts: float) -> float:
-    """Return which part of a core the verb takes on a terminal of so many lines."""
+@contextmanager
+def watching(domain: int, lines: int, last: bytes) -> Iterator['subprocess.Popen[bytes]']:
+    """Run the verb on a terminal of so many lines; it shows the axis ``last`` when this yields."""
     lead, follow = pty.openpty()
     size = {'COLUMNS': '200', 'LINES': str(lines), 'TERM': 'xterm-256color'}
     watch = subprocess.Popen(
@@ -119,16 +123,74 @@ def share(domain: int, lines: int, lasts: float) -> float:
     reader = threading.Thread(target=read)
     reader.start()
     try:
-        while b'a31' not in b''.join(written):
+        while last not in b''.join(written):
             time.sleep(0.1)
-        begin, before = time.monotonic(), used(watch.pid)
-        time.sleep(lasts)
-        return (used(watch.pid) - before) / (time.monotonic() - begin)
+        yield watch
     finally:
         watch.terminate()
         watch.wait()
         reader.join()
         os.close(lead)
+
+
+def share(domain: int, lines: int, lasts: float) -> float:
+    """Return which part of a core the verb takes on a terminal of so many lines."""
+    with watching(domain, lines, b'a31') as watch:
+        begin, before = time.monotonic(), cpu_seconds(watch.pid)
+        time.sleep(lasts)
+        return (cpu_seconds(watch.pid) - before) / (time.monotonic() - begin)
+
+
+class Block(NamedTuple):
+    """What was seen of the node in one block: its setpoints, and its share of a core, %."""
+
+    heard: list[Heard]
+    share: float
+
+
+def blocks(
+    axes: int, rate: float, lasts: float, times: int
+) -> tuple[list[Block], list[Block], list[float]]:
+    """Run a node all whose axes search, and watch it in every second block.
+
+    Returns:
+        The blocks with the watcher, those without, and when each setpoint was due.
+    """
+    world = World(axes, rate)
+    found: tuple[list[Block], list[Block]] = [], []
+    grid = world.folder / 'grid'
+    try:
+        with world.homing_node(rate, grid) as node:
+            world.start_homing()
+            for _ in range(times):
+                for kind, watched in zip(found, (True, False), strict=True):
+                    last = world.names[-1].encode()
+                    with watching(world.domain, 60, last) if watched else nullcontext():
+                        world.listen(SETTLE)
+                        before = cpu_seconds(node.pid)
+                        heard = world.listen(lasts)
+                        used = cpu_seconds(node.pid) - before
+                    kind.append(Block(heard, 100.0 * used / lasts))
+    finally:
+        world.close()
+    return *found, load(grid)
+
+
+def with_and_without(axes: int, rate: float, lasts: float, times: int) -> Iterator[Figure]:
+    """Yield what the node takes and how late its cycle is, watched and not."""
+    *kinds, due = blocks(axes, rate, lasts, times)
+    case = f'{axes} axes, {rate:g} Hz, watched (bare: not watched)'
+    yield Figure(f'{case}: node', '% of a core', *([one.share for one in kind] for kind in kinds))
+    late = [
+        [[(one.sent - due[one.number]) * 1e6 for one in block.heard] for block in kind]
+        for kind in kinds
+    ]
+    for name, part in ('p50', 0.5), ('p99', 0.99):
+        yield Figure(
+            f'{case}: lateness {name}',
+            'µs',
+            *([nth(block, part) for block in kind] for kind in late),
+        )
 
 
 def figures(quick: bool = False) -> Iterator[Figure]:
@@ -150,3 +212,5 @@ def figures(quick: bool = False) -> Iterator[Figure]:
     finally:
         stand_in.close()
         lock.close()
+    for axes, rate in CASES[:1] if quick else CASES:
+        yield from with_and_without(axes, rate, *((1.0, 1) if quick else (4.0, 6)))
