@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executables: help and version before ROS is loaded, and no traceback at Ctrl-C."""
+"""The executables: help and version before ROS is loaded, and no traceback at Ctrl-C.
+
+This module loads next to nothing: while it is loaded, Ctrl-C makes a traceback.
+"""
 
 import sys
 from collections.abc import Sequence
-from importlib import import_module, metadata
+from importlib import import_module
 
 INTERRUPTED, USAGE = 130, 2
 #: The modules of the nodes, and what their help says.
@@ -87,6 +90,8 @@ def _node(name: str) -> int:
             print(text, end='')
             return 0
         if argument == '--version':
+            from importlib import metadata
+
             print(f'{name} {metadata.version("homing_node")}')
             return 0
         if argument.endswith(('.yaml', '.yml')):
