@@ -11,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from homing_node.cli import main, watch
+from homing_node.cli.common import Failure
 from homing_node.cli.watch_table import STANDS_OUT, short, table, text_of
 from homing_node.diagnosis.board import Board
 from homing_node.procedures.states import Input
@@ -178,3 +179,17 @@ def test_an_axis_that_is_not_there(monkeypatch, capsys):
     monkeypatch.setattr(watch, 'PATIENCE', 0.1)
     assert main(['watch', 'u']) == 2
     assert capsys.readouterr().err == "homing: 'u' is none of the axes x\n"
+
+
+def test_the_live_table_gives_way_to_the_node(monkeypatch):
+    """It takes turns with the node on a machine with few cores."""
+    made, _ = board(state())
+    screen = Console(file=io.StringIO(), width=100, force_terminal=True)
+    given = []
+    monkeypatch.setattr(watch.os, 'nice', given.append)
+    monkeypatch.setattr(watch, 'console', lambda: screen)
+    watcher = SimpleNamespace(poll=lambda: [], board=made, target='/n', nodes=lambda: [])
+    with pytest.raises(Failure):
+        watch._show(watcher)
+    assert given == [watch.GIVES_WAY] and watch.GIVES_WAY > 0
+    assert 'home_switch' in screen.file.getvalue()
