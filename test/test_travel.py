@@ -69,3 +69,11 @@ def test_a_feedback_beside_the_command_has_not_gone_the_wrong_way(way):
     leg = Leg(way, way * -0.01, 0.0, since=0.0)
     leg.update(way * -0.005, way * 0.005)
     assert broken(leg, way * 0.005, way * -0.005, wrong_direction_distance=0.004) is None
+
+
+@pytest.mark.parametrize('jerk', [10.0, 500.0])
+def test_a_command_that_stops_softly_behind_a_mechanical_end_is_no_following_error(jerk):
+    one = rig('MechanicalEndDetectionReverseZPulse', max_jerk=jerk, following_error=0)
+    one = one.but(mechanical_end_detection_pos_diff=0.001, homing_velocity_slow=0.065)
+    course = one.built(lag=0.004).home()
+    assert course.outcome.success, course.outcome.message

@@ -7,9 +7,9 @@ Positions are in the *toward* frame, m or rad; times in s are passed in.
 import math
 from collections.abc import Callable
 
-from ..parameters.axis import AxisParameters
+from ..parameters.axis import AxisParameters, ramp_time
 from ..procedures.events import Event
-from ..procedures.motions import Bound, Kind, Way
+from ..procedures.motions import Bound, Kind, Pace, Way
 from ..procedures.procedure import Row
 from ..procedures.states import Error
 from .outcome import Failure
@@ -132,9 +132,10 @@ class Rules:
         self._wrong_direction = parameters.wrong_direction_limit
         self._least_following = 0.0
         if parameters.homes_on_mechanical_end:  # the command turns beyond the end
-            behind = (
-                parameters.mechanical_end_detection_pos_diff
-                + parameters.homing_velocity_slow * parameters.mechanical_end_detection_time
+            velocity, _, deceleration = parameters.pace(Pace.SLOW)
+            stop = ramp_time(velocity, deceleration, parameters.max_jerk)
+            behind = parameters.mechanical_end_detection_pos_diff + velocity * (
+                parameters.mechanical_end_detection_time + 0.5 * stop
             )
             self._least_following = 2.0 * behind
         self.least_limit = max(parameters.following_error_at(0.0), self._least_following)
