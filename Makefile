@@ -42,7 +42,7 @@ help:
 	@echo 'make test-faults   run every fault scenario, print what became of it'
 	@echo 'make fuzz    random geometries and random messages, for long (half an hour)'
 	@echo 'make bench   measure how fast it is (ten minutes); make bench-accuracy: how exact'
-	@echo 'make bench-cells   lines of 4, 8 and 16 cells: processor, memory, age of states (ten minutes)'
+	@echo 'make bench-cells   lines of 4, 8 and 16 cells: processor, memory, age of states (seven minutes)'
 	@echo 'make docs    make the generated pages of doc/ again'
 	@echo 'make workspace DIR=~/ws/src   link both packages side by side, as colcon finds them'
 	@echo 'make clean   remove $(VENV), $(KILTED) and everything generated'
