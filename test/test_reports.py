@@ -289,3 +289,17 @@ def test_a_new_level_of_an_axis_at_rest_is_told_at_once(monkeypatch):
     (told,) = [watched.reports._queue.get_nowait()[1]]
     assert watched.reports._queue.empty()
     assert dict(zip(told.inputs, told.levels, strict=True))['home_switch'] == AxisState.LEVEL_ON
+
+
+def test_the_loss_of_a_home_at_rest_is_logged_once():
+    watched = Watched(1)
+    axis = watched.axes['a0']
+    end(axis, Outcome(Error.NoError, 'Homed', home_position_raw=0.1))
+    axis.homed = True
+    watched.reports.report(axis)
+    axis.homed, axis.outcome = False, axis.outcome._replace(error=Error.HomeLost, message='gone')
+    watched.reports.report(axis)
+    watched.reports.report(axis)
+    watched.publish(lambda states: True)
+    assert watched.of('log')[-1] == ('warning', 'gone')
+    assert len(watched.of('log')) == 2

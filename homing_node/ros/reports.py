@@ -86,15 +86,17 @@ class LastReport:
     """What was last reported of an axis.
 
     ``changes`` is `Axis.fingerprint` at that time, ``runs`` the number of runs logged, ``state``
-    what the message said, ``outputs`` the value of each output.
+    what the message said, ``homed`` whether the axis was homed, ``outputs`` the value of each
+    output.
     """
 
-    __slots__ = ('changes', 'runs', 'state', 'outputs')
+    __slots__ = ('changes', 'runs', 'state', 'homed', 'outputs')
 
     def __init__(self) -> None:
         self.changes: tuple[object, ...] = ()
         self.runs = 0
         self.state: tuple[object, ...] = ()
+        self.homed = False
         self.outputs: dict[Output, float] = {}
 
 
@@ -149,6 +151,9 @@ class Reports:
         if last.runs != axis.history.count and not axis.handing_over:
             last.runs = axis.history.count
             put((partial(self._log, name), axis.ended))
+        elif last.homed and not (axis.homed or axis.running) and axis.error is not Error.NoError:
+            put((self._log_loss, axis.message))
+        last.homed = axis.homed
         state = (axis.state, axis.paused, axis.homed, axis.error, axis.message, axis.outcome)
         if last.state != state:
             last.state = state
@@ -268,6 +273,10 @@ class Reports:
             self._logger.warning(text)
         else:
             self._logger.error(text)
+
+    def _log_loss(self, message: str) -> None:
+        """Log that an axis at rest has lost its home."""
+        self._logger.warning(message)
 
     # ---------- reports by time: queue them, return the time until the next, s; the lock is held
 
