@@ -223,7 +223,7 @@ def test_the_diagnostics_say_what_comes_from_each_input(axis):
 def test_the_answer_to_a_dry_run():
     stop = Outcome(Error.EmergencyStop, 'axis x: the emergency stop is on')
     run = DryRun([('z',), ('x', 'y')], [('x', stop)])
-    answer = messages.dry_run(run, [1.5, float('nan')], [AxisState(axis='x')])
+    answer = messages.dry_run(run, [1.5, float('nan')], '', [AxisState(axis='x')])
     assert not answer.success
     assert answer.message == 'EmergencyStop: axis x: the emergency stop is on'
     assert answer.error_code == AxisState.EMERGENCY_STOP
@@ -231,15 +231,17 @@ def test_the_answer_to_a_dry_run():
     assert answer.durations[0] == 1.5
     assert answer.durations[1] != answer.durations[1]
     assert answer.missing == ['x: EmergencyStop: axis x: the emergency stop is on']
-    good = messages.dry_run(run._replace(missing=[]), [1.5, 2.0], [])
+    unknown = 'how long y takes is not known'
+    good = messages.dry_run(run._replace(missing=[]), [1.5, 2.0], unknown, [])
     assert (good.success, good.error_code, list(good.missing)) == (True, 0, [])
+    assert good.message == f'dry run: nothing is missing; {unknown}'
 
 
 def test_a_cell_says_the_same_as_its_coordinator_reads():
     stop = Outcome(Error.PrerequisiteMissing, 'axis x: cell1/z is not homed')
     closed = Outcome(Error.Canceled, 'the node is shutting down')
     run = DryRun([('x', 'y')], [('', closed), ('x', stop)])
-    answer = messages.dry_run(run, [2.0], [AxisState(axis='x', state='Idle', homed=True)])
+    answer = messages.dry_run(run, [2.0], '', [AxisState(axis='x', state='Idle', homed=True)])
     read = cell_messages.checked('hall/cell2', ['hall/cell2/x', 'hall/cell2/y'], answer)
     assert read.seen['hall/cell2/x'].homed
     assert read.seen['hall/cell2/x'].idle

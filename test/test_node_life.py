@@ -171,7 +171,8 @@ def test_every_executable_ends_with_its_interpreter(tmp_path):
         'homing_coordinator': {'nodes': ['/cell/homing_node'], 'steps': ['cell/x']},
         'homed_axes': {'axes': ['x'], 'x': ros.AXIS, 'controllers': ['controller']},
     }
-    assert set(parameters) == set(ros.MAINS)
+    ours = {name for name, module in ros.MAINS.items() if module.startswith('homing_node.')}
+    assert set(parameters) == ours
     domain = ros.Domain()
     client = ros.Client(domain)
     processes = {
