@@ -33,8 +33,8 @@ These rules hold for every table, so they stand once, in the core:
 - What the rise of a limit does, by role, end and motion, if the row has no arrow for it
   (core/limits.py).
 - A motion into a limit that is on is not started; two limits of a pair that are on together end
-  the run (``Machine._blocking``, ``Machine._limits_contradict``). There is one reversal in a run
-  (``Machine._advance``).
+  the run (``LimitSwitches.blocking``, ``Machine._limits_contradict``). There is one reversal in
+  a run (``Machine._advance``).
 - ``REPEAT`` replaces the arrow into ``HOME_SHIFT`` while passes are left (core/passes.py), and
   passes that disagree are no home.
 - Which latched position is the reference: the n-th pulse, their spacing, the margin to the edge
@@ -49,8 +49,8 @@ Modules
 =======
 
 states.py, events.py, motions.py: the words. steps.py, procedure.py: what a table is made of.
-fragments.py: the shared parts. home_switch.py, limit_switch.py, no_switch.py, mechanical_end.py:
-the tables, each with its numbered steps in words. tables.py: all of them.
+fragments.py: the shared parts. home_switch.py, home_switch_off.py, limit_switch.py, no_switch.py,
+mechanical_end.py: the tables, each with its numbered steps in words. tables.py: all of them.
 
 Sources: WMX3 manual, "Limit Switches During Homing", "Home Switch Initially Triggered", "Limit
 Switch Initially Triggered" and the pages of the home types.

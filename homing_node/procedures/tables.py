@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """All home types: those of the manual in its order, then those that it lacks.
 
-The tables stand in home_switch.py, limit_switch.py, no_switch.py and mechanical_end.py.
+The tables stand in home_switch.py, home_switch_off.py, limit_switch.py, no_switch.py and
+mechanical_end.py.
 """
 
 from collections.abc import Mapping
@@ -9,15 +10,17 @@ from types import MappingProxyType
 
 from .home_switch import (
     HS,
-    HS_OFF,
-    HS_OFF_REVERSE,
-    HS_OFF_REVERSE_Z_PULSE,
-    HS_OFF_Z_PULSE,
     HS_REVERSE,
     HS_REVERSE_Z_PULSE,
     HS_TOUCH_PROBE,
     HS_Z_PULSE,
     HSHS,
+)
+from .home_switch_off import (
+    HS_OFF,
+    HS_OFF_REVERSE,
+    HS_OFF_REVERSE_Z_PULSE,
+    HS_OFF_Z_PULSE,
 )
 from .limit_switch import (
     EXTERNAL_LS,
