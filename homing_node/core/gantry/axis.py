@@ -15,10 +15,9 @@ from ...parameters.definition import InvalidParameters
 from ...parameters.gantry import group_parameters
 from ...procedures.motions import Kind
 from ...procedures.states import Error, Input
-from ..axis import VELOCITY_SPAN, Axis, Setpoint
+from ..axis import VELOCITY_SPAN, Setpoint
 from ..ending import Ending
 from ..jog import Jog
-from ..limits import Action
 from ..machine import Machine
 from ..outcome import MemberHome, Outcome
 from ..profile import Profile
@@ -27,13 +26,13 @@ from ..remembered import Remembered, Seen
 from ..settling import jammed
 from ..signals import Edge
 from .follower import Follower
+from .home import GantryHome
 from .machine import GantryMachine
 from .run import GantryRun
 from .side import Side
-from .trip import Trip
 
 
-class GantryAxis(Axis):
+class GantryAxis(GantryHome):
     """An axis with followers.
 
     Attributes:
@@ -64,8 +63,6 @@ class GantryAxis(Axis):
         self.followers: tuple[Follower, ...] = ()
         self.largest_skew = 0.0
         self._run: GantryRun | None = None
-        self._apart: tuple[float, ...] = ()  # of a run that failed: the next one adds nothing
-        self._trip = Trip()
         self._group = group_parameters(parameters, followers.values())
         super().__init__(name, parameters, period, lead)
         self.followers = tuple(
@@ -129,60 +126,6 @@ class GantryAxis(Axis):
             side = self._run.followers[self.followers.index(follower)]
             side.seen.latch(source, position, self.machine.now, self.profile.velocity)
             side.latches.add(source, position)
-
-    def lose_servo_of(self, name: str, tripped: bool) -> None:
-        """End a run and lose the home, because the drive of a side is off.
-
-        The sides whose drives are still on come to rest; then all are switched off. At rest a
-        drive that trips, and is not on again at once, switches all off.
-
-        Args:
-            name: whose drive it is.
-            tripped: it was on before.
-        """
-        text = f'the drive of {name} switched its servo off'
-        self._lose_rests()
-        self._lose_home(Error.ServoOff, f'{text}; a gantry may spring back then')
-        if tripped and not self.running:
-            self._trip.tell()
-        self.stop(Error.ServoOff, text, Action(self._group.ls_dec, True))
-
-    def lose_home_of(self, name: str, error: Error, text: str) -> None:
-        """Lose the home, because that of a follower is lost."""
-        self._apart = ()
-        self._lose_home(error, f'{name}: {text}')
-
-    def enable(self, enabled: bool) -> None:
-        """Record the leader's own servo state; one that goes off ends the run."""
-        tripped = self.readings.servo_enabled is True and not enabled
-        self.readings.servo_enabled = enabled
-        if not enabled and Input.SERVO_ENABLED in self.parameters.inputs:
-            self.lose_servo_of(self.name, tripped)
-
-    def _lose_servo(self, text: str, action: Action) -> None:
-        self._lose_rests()
-        self._lose_home(Error.ServoOff, text)
-        super()._lose_servo(text, action)
-
-    def forget_coordinates(self) -> None:
-        """Forget the home and where things are: raw positions mean something else now."""
-        self._apart = ()
-        super().forget_coordinates()
-
-    def feedback_source_changed(self) -> None:
-        """Take that another publisher sends the feedback: a driver that has restarted."""
-        self._apart = ()
-        super().feedback_source_changed()
-
-    def _take_jump(self, jump: float, raw: float) -> None:
-        self._apart = ()
-        super()._take_jump(jump, raw)
-
-    def _lose_rests(self) -> None:
-        """Forget where the last run has left each side."""
-        self._rest, self._apart = None, ()
-        for follower in self.followers:
-            follower.lose_rest()
 
     # ----------------------------------------------------------------------------------- requests
 
@@ -257,10 +200,7 @@ class GantryAxis(Axis):
         """Advance by one period; return the leader's setpoint if a run moves the gantry."""
         machine, run = self.machine, self._run
         moving = self.profile.velocity != 0.0
-        if self._trip.told:
-            off = any(drive.readings.servo_is_off for drive in self.drives.values())
-            if self._trip.has_lasted(now, off):
-                self.servo_on = False
+        self._watch_trip(now)
         for follower in self.followers:
             readings, own = follower.readings, follower.profile
             if follower.returning:
