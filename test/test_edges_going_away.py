@@ -96,6 +96,15 @@ def test_a_limit_is_no_obstacle_to_the_home_at_its_own_edge(transport, seeds):
         assert_homed(course, TRUE_HOME[HomeType.LSOff])
 
 
+def test_the_limit_of_home_may_rise_as_far_before_home_as_that_is_uncertain():
+    """Read 20 times a second on the way back at 0.1 m/s: home is known to some mm."""
+    transport = Transport(
+        poll_rate=20.0, feedback_rate=100.0, feedback_delay=0.01, stamp_error=0.002, seed=47
+    )
+    course = rig('LSOff', homing_velocity_slow=0.1).but(transport).home(start=0.0341)
+    assert_homed(course, TRUE_HOME[HomeType.LSOff])
+
+
 class SpringsBack(Rehearsal):
     """A rehearsal of an axis that springs back as soon as it stops."""
 

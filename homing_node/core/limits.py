@@ -370,20 +370,15 @@ class LimitSwitches:
             for limit in self._limits.values()
         )
 
-    def blocking(
-        self, way: Way, home: bool, feedback: float, near: Input | None = None
-    ) -> Limit | None:
+    def blocking(self, way: Way, home: bool, feedback: float) -> Limit | None:
         """Return the limit that forbids a motion, None if no limit does.
 
         Args:
             way: the way of the motion.
             home: whether it goes to the home position.
             feedback: the newest feedback, m or rad.
-            near: the limit at whose edge home is, and the axis all but there.
         """
         for limit in self._limits.values():
-            if home and limit.role is Role.REFERENCE and limit.input is near:
-                continue
             bars = limit.blocks_home if home else limit.role is Role.NORMAL and limit.action
             if limit.way is way and bars and self._reached(limit, feedback):
                 return limit

@@ -344,7 +344,7 @@ class Machine:
                 self.profile.stop()
                 return
             movement.turn(way, self.now, self.feedback)
-        limit = self._blocking(way)
+        limit = self._limits.blocking(way, self.row.motion.kind is Kind.HOME, self.feedback)
         if limit is not None:
             if not self._may_be_there(limit, target):
                 seen = f'the {limit.name} is on; a motion into it is not started'
@@ -374,11 +374,6 @@ class Machine:
             just_left=just_left,
             all_ls=self.parameters.all_ls_during_homing and not (just_left and jogs),
         )
-
-    def _blocking(self, way: Way) -> limits.Limit | None:
-        """Return the limit that is on where a motion would go, None if none is."""
-        home, near = self.row.motion.kind is Kind.HOME, self.passes.near_edge_of(self.feedback)
-        return self._limits.blocking(way, home, self.feedback, near)
 
     def _may_be_there(self, limit: limits.Limit, target: float) -> bool:
         """Return whether the axis rests at home, as far as home is known, on the limit of home."""
