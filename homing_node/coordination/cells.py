@@ -31,6 +31,10 @@ class Seen(NamedTuple):
     uncertainty: float = 0.0
     stamp: float = 0.0
 
+    def overtaken_by(self, known: 'Seen') -> bool:
+        """Return whether this comes after something newer that the cell has said."""
+        return 0.0 < known.stamp - self.stamp < OVERTAKES
+
     @property
     def words(self) -> str:
         """Say in what state the axis is."""
@@ -65,7 +69,7 @@ class Cell:
         """Take the state of an axis, unless a newer one is known: a result brings one, too."""
         self.heard = now
         known = self.seen.get(axis)
-        if known is None or not 0.0 < known.stamp - seen.stamp < OVERTAKES:
+        if known is None or not seen.overtaken_by(known):
             self.seen[axis] = seen
 
     def restart(self) -> None:

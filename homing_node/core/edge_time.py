@@ -72,14 +72,12 @@ class MessageTimes:
 
     Attributes:
         on_change: whether the driver has proved that it publishes on change.
-        shared: whether several switches with the same past may share the object: one that hears
-            what others do not takes a `copy` first.
     """
 
-    __slots__ = ('on_change', 'shared', '_newest', '_doubt', '_changed', '_beat', '_intervals')
+    __slots__ = ('on_change', '_newest', '_doubt', '_changed', '_beat', '_intervals')
 
     def __init__(self) -> None:
-        self.on_change = self.shared = False
+        self.on_change = False
         self._intervals: deque[float] = deque(maxlen=REMEMBERED)
         self._beat = self._newest = -1e300
         self._doubt = 0.0

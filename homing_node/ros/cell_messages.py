@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from homing_interfaces.action import Home
 from homing_interfaces.msg import AxisState
 
-from ..coordination.cells import OVERTAKES, Seen
+from ..coordination.cells import Seen
 from ..coordination.health import LINE, Health, Level
 from ..coordination.preview import Preview
 from ..coordination.request import Request
@@ -47,11 +47,6 @@ def seen(state: AxisState) -> Seen:
         uncertainty=state.uncertainty,
         stamp=state.header.stamp.sec + state.header.stamp.nanosec * 1e-9,
     )
-
-
-def overtaken(state: AxisState, known: AxisState) -> bool:
-    """Return whether a state comes after a newer one of its axis: a result brings one, too."""
-    return 0.0 < seen(known).stamp - seen(state).stamp < OVERTAKES
 
 
 def outcome(cell: str, result: Home.Result) -> Outcome:

@@ -136,8 +136,9 @@ class HomingCoordinator(DeclaringNode):
 
     def _take_state(self, axis: str, state: AxisState) -> None:
         """Publish a state under the axis's name in the line, unless a newer one is known."""
-        known = self._states.get(axis)
-        if axis not in self._state_topics or (known and cell_messages.overtaken(state, known)):
+        known, seen = self._states.get(axis), cell_messages.seen
+        late = known is not None and seen(state).overtaken_by(seen(known))
+        if late or axis not in self._state_topics:
             return
         state = self._states[axis] = cell_messages.of_line(axis, state)
         self._state_topics[axis].publish(state)

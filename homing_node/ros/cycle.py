@@ -187,10 +187,10 @@ class Cycle:
         if watching:
             self._watched = now
         with self._lock:
-            if watching:
-                self._permissions.poll()
             if not self._inputs_ignored:
                 try:
+                    if watching:
+                        self._permissions.poll()
                     self._inputs.poll()
                     look = watching and self._inputs.watch()
                 except Exception as error:  # the axes must not miss the cycle

@@ -147,7 +147,7 @@ class Feed:
             clock = p.feedback_clock if one.is_feedback else p.switch_clock
             judging = Judging(p.feedback_timeout, clock, REORDERED if one.is_feedback else 0)
             members.append(((one.axis.name, one.is_feedback), judging, number))
-        self._speak_up()
+        self._end_sharing()
         self._groups = [
             _Group(stamps, self._by_axis(numbers))
             for stamps, numbers in grouped(members, self._known)
@@ -164,8 +164,8 @@ class Feed:
                 part.switches.append(Input(one.source))
         return list(parts.values())
 
-    def _fall_silent(self) -> None:
-        """Let switches that have repeated their levels for long hear in step."""
+    def _share_times(self) -> None:
+        """Let switches that have repeated their levels for long share the times of messages."""
         for group in self._groups:
             alike: dict[tuple[float, float], list[Switch]] = {}
             for part in group.parts:
@@ -177,8 +177,8 @@ class Feed:
             elif not group.parts[0].is_feedback:
                 group.in_step = [InStep(each, *judged) for judged, each in alike.items()]
 
-    def _speak_up(self) -> None:
-        """Let each switch hear for itself again."""
+    def _end_sharing(self) -> None:
+        """Give each switch times of its own again."""
         self._repeats = 0
         for group in self._groups:
             for one in group.in_step:
@@ -235,9 +235,9 @@ class Feed:
         if repeats:
             self._repeats += 1
             if self._repeats == LONG:
-                self._fall_silent()
+                self._share_times()
         elif self._repeats:
-            self._speak_up()
+            self._end_sharing()
         unstamped = UNSTAMPED if clock.simulated and sent is None else 0.0
         for group in self._groups:
             stamps = group.stamps
@@ -371,7 +371,7 @@ class _Part:
 
 @dataclass
 class _Group:
-    """Axes that judge stamps alike, and their switches as long as these hear in step."""
+    """Axes that judge stamps alike; ``in_step``: their switches while these share their times."""
 
     stamps: Stamps
     parts: list[_Part]
