@@ -339,3 +339,18 @@ def test_an_announcer_computes_the_shape_of_a_steady_message_once():
     for a, b in zip(first.rows, second.rows, strict=True):
         assert b.velocities is a.velocities
         assert b.positions[0] - a.positions[0] == pytest.approx(0.05 * PERIOD)
+
+
+def test_an_announcer_tells_axes_apart_that_move_alike_in_opposite_directions():
+    announcer, one = Announcer(PERIOD, HORIZON), profile(100)
+    for sign in (1.0, -1.0):
+        courses = [Course(*one.announce(HORIZON), sign)]
+        _, rows = announcer.points(courses)
+        assert [row.velocities[0] for row in rows[:3]] == pytest.approx([sign * 0.05] * 3)
+
+
+def test_an_axis_that_speeds_up_is_not_steady():
+    speeding, steady = (Course(*profile(cycles).announce(HORIZON)) for cycles in (18, 100))
+    assert speeding.pieces[-1].time < speeding.present  # one piece covers the horizon
+    assert not speeding.steady
+    assert steady.steady
